@@ -1,0 +1,1 @@
+"""Everything after the recording: files and arrays in, files and arrays out."""

@@ -1,0 +1,1 @@
+"""How a lens or a whole skylight scatters light, measured or traced."""

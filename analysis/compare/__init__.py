@@ -1,0 +1,1 @@
+"""Recordings beside simulations: cases for the explanation."""

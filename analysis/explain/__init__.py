@@ -1,0 +1,1 @@
+"""Where recording and simulation differ, which physics was left out, and the better fit."""

@@ -1,0 +1,1 @@
+"""From bracketed exposures to a luminance map with its uncertainty."""

@@ -1,0 +1,1 @@
+"""Predicted photometry of a skylight under a given sky and sun."""

@@ -1,0 +1,1 @@
+"""Sun and sky: positions, luminance models, and the map the camera saw."""

@@ -1,0 +1,1 @@
+"""The one world all emulated instruments observe."""
