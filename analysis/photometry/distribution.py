@@ -38,6 +38,8 @@ class Distribution:
                 f"candela has shape {self.candela.shape}, but there are {len(self.c_deg)} C-planes "
                 f"and {len(self.gamma_deg)} gamma angles"
             )
+        if len(self.gamma_deg) < 2:
+            raise DataError("a distribution needs at least two gamma angles")
         if np.any(np.diff(self.gamma_deg) <= 0) or np.any(np.diff(self.c_deg) <= 0):
             raise DataError("gamma and C angles must increase")
         if self.c_deg[0] != 0.0 or self.c_deg[-1] != 360.0:
@@ -54,16 +56,8 @@ class Distribution:
 
     def at(self, gamma_deg: ArrayLike, c_deg: ArrayLike) -> Floats:
         """Intensity [cd] at directions, bilinear in gamma and C; 0 beyond the gammas the file covers."""
-        gamma, c = np.broadcast_arrays(
-            np.asarray(gamma_deg, dtype=np.float64), np.mod(np.asarray(c_deg, dtype=np.float64), 360.0)
-        )
-        i, u = _cell(self.gamma_deg, gamma)
-        j, v = _cell(self.c_deg, c)
-        table = self.candela
-        low = (1 - u) * table[j, i] + u * table[j, i + 1]
-        high = (1 - u) * table[j + 1, i] + u * table[j + 1, i + 1]
-        covered = (gamma >= self.gamma_deg[0]) & (gamma <= self.gamma_deg[-1])
-        return np.where(covered, (1 - v) * low + v * high, 0.0)
+        c = np.mod(np.asarray(c_deg, dtype=np.float64), 360.0)
+        return interpolate(self.gamma_deg, self.c_deg, self.candela, gamma_deg, c)
 
     def flux(self) -> float:
         """Luminous flux [lm]: the bilinear surface integrated exactly over the solid angle it covers."""
@@ -91,6 +85,19 @@ class Distribution:
         gamma = np.asarray(gamma_deg, dtype=np.float64)
         c = np.asarray(c_deg, dtype=np.float64)
         return type(self)(gamma, c, self.at(gamma[None, :], c[:, None]), self.keywords)
+
+
+def interpolate(vertical: Floats, horizontal: Floats, table: Floats, v: ArrayLike, h: ArrayLike) -> Floats:
+    """Bilinear value of ``table`` (H, V) at angles (v, h), which broadcast; 0 outside the table."""
+    x, y = np.broadcast_arrays(np.asarray(v, dtype=np.float64), np.asarray(h, dtype=np.float64))
+    # a grazing rounding error must not push a direction over the table's edge
+    inside = (x >= vertical[0] - 1e-9) & (x <= vertical[-1] + 1e-9)
+    inside &= (y >= horizontal[0] - 1e-9) & (y <= horizontal[-1] + 1e-9)
+    i, s = _cell(vertical, x)
+    j, t = _cell(horizontal, y)
+    low = (1 - s) * table[j, i] + s * table[j, i + 1]
+    high = (1 - s) * table[j + 1, i] + s * table[j + 1, i + 1]
+    return np.where(inside, (1 - t) * low + t * high, 0.0)
 
 
 def _cell(edges: Floats, x: Floats) -> tuple[NDArray[np.intp], Floats]:
