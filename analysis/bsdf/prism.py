@@ -1,0 +1,136 @@
+"""The prismatic lens: a clear sheet, flat on one side, with square pyramids on the other.
+
+The sheet's frame: the flat side faces up (+z), the prisms hang down. As an entry lens of a skylight it lies like this;
+as an exit lens (flat side to the room) the caller turns it over: (x, y, z) becomes (x, -y, -z) before and after.
+Scattering is found by following rays through one cell of the periodic pattern (`analysis.bsdf.prism_trace`).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike, NDArray
+
+from labdaq.errors import ConfigError, Problems
+
+Floats = NDArray[np.float64]
+Side = Literal["flat", "prism"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrismSheet:
+    """A prismatic sheet; the defaults are the acrylic lens of the three skylight systems.
+
+    Attributes
+    ----------
+    index
+        Refractive index.
+    thickness_mm
+        From the flat side to the peaks.
+    pitch_mm
+        Side of a pyramid's square base; pyramids stand side by side.
+    slope_deg
+        Angle between facets and the sheet.
+    slope_error_deg
+        Moulding imperfections: standard deviation of the facets' slope in each of two directions [deg].
+    absorption_per_mm
+        Of the material; light is multiplied by exp(-absorption * path).
+    orientation_deg
+        Turns the base edges from x and y, counter-clockwise seen from above (+z).
+    mirrored
+        The mirror image in the plane x = 0: the orientation changes its sign.
+    isotropic
+        Every ray meets the sheet at a random orientation: what an isotropic description of the sheet would know.
+    """
+
+    index: float = 1.491
+    thickness_mm: float = 3.0
+    pitch_mm: float = 5.0
+    slope_deg: float = 27.0
+    slope_error_deg: float = 4.0
+    absorption_per_mm: float = 0.03
+    orientation_deg: float = 0.0
+    mirrored: bool = False
+    isotropic: bool = False
+
+    def __post_init__(self) -> None:
+        problems = Problems("prismatic sheet")
+        if not 1.0 < self.index < 5.0:
+            problems.add("index", f"must lie between 1 and 5, not {self.index:g}")
+        if not self.pitch_mm > 0.0:
+            problems.add("pitch_mm", f"must be positive, not {self.pitch_mm:g}")
+        if not 0.0 <= self.slope_deg < 85.0:
+            problems.add("slope_deg", f"must lie in [0, 85), not {self.slope_deg:g}")
+        elif not self.thickness_mm > self.height_mm:
+            problems.add(
+                "thickness_mm", f"must exceed the pyramids' {self.height_mm:.3f} mm, not {self.thickness_mm:g}"
+            )
+        if not 0.0 <= self.slope_error_deg <= 20.0:
+            problems.add("slope_error_deg", f"must lie in [0, 20], not {self.slope_error_deg:g}")
+        if not self.absorption_per_mm >= 0.0:
+            problems.add("absorption_per_mm", f"must not be negative, {self.absorption_per_mm:g} is")
+        problems.raise_if_any(ConfigError)
+
+    @property
+    def height_mm(self) -> float:
+        """Height of the pyramids [mm]."""
+        return self.pitch_mm / 2.0 * math.tan(math.radians(self.slope_deg))
+
+    def geometry(self) -> Floats:
+        """The numbers `analysis.bsdf.prism_trace` works with."""
+        slope = math.radians(self.slope_deg)
+        turn = math.radians(-self.orientation_deg if self.mirrored else self.orientation_deg)
+        return np.array(
+            [
+                self.index,
+                self.absorption_per_mm,
+                self.thickness_mm - self.height_mm,
+                self.height_mm,
+                self.pitch_mm / 2.0,
+                math.sin(slope),
+                math.cos(slope),
+                math.tan(math.radians(self.slope_error_deg)),
+                math.cos(turn),
+                math.sin(turn),
+                float(self.isotropic),
+            ]
+        )
+
+
+def scatter_samples(
+    sheet: PrismSheet, side: Side, directions: ArrayLike, per_direction: int, rng: Generator
+) -> tuple[Floats, Floats]:
+    """Where light goes that meets the sheet from given directions.
+
+    Parameters
+    ----------
+    sheet
+        The lens.
+    side
+        The side the light arrives at: ``flat`` (travelling down, z < 0) or ``prism`` (travelling up, z > 0).
+    directions : shape (n, 3)
+        Unit vectors of travel in the sheet's frame; the sign of z is taken from ``side``.
+    per_direction
+        Number m of samples of each direction; every sample meets the sheet at a random place.
+    rng
+        Source of the seeds; the same state gives the same samples.
+
+    Returns
+    -------
+    out_directions : shape (n, m, 3)
+        Unit vectors of travel; transmitted where z has the sign of the incident z, reflected otherwise.
+    weights : shape (n, m)
+        Part of the light that was not absorbed on the way, 0 to 1. The sum of the weights of transmitted samples
+        divided by m is the directional-hemispherical transmittance.
+    """
+    from analysis.bsdf.prism_trace import scatter_many  # numba is slow to import
+
+    d = np.array(directions, dtype=np.float64).reshape(-1, 3)
+    d[:, 2] = np.abs(d[:, 2]) * (-1.0 if side == "flat" else 1.0)
+    out = np.empty((len(d), per_direction, 3))
+    weights = np.empty((len(d), per_direction))
+    seeds = rng.integers(0, 2**64, size=len(d), dtype=np.uint64)
+    scatter_many(d, per_direction, seeds, sheet.geometry(), out, weights)
+    return out, weights
