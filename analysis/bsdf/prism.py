@@ -7,16 +7,20 @@ Scattering is found by following rays through one cell of the periodic pattern (
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.bsdf.model import Incidence, Tracer
 from labdaq.errors import ConfigError, Problems
 
 Floats = NDArray[np.float64]
 Side = Literal["flat", "prism"]
+
+TURNED_OVER: Final = np.array([1.0, -1.0, -1.0])
+"""From the sheet's frame (flat side up) to that of a BSDF (z from front to back), and back."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +101,17 @@ class PrismSheet:
                 float(self.isotropic),
             ]
         )
+
+
+def prism_tracer(sheet: PrismSheet) -> Tracer:
+    """The sheet as a `Tracer` in the frame of a BSDF: the flat side is the front."""
+
+    def trace(incidence: Incidence, travel: Floats, per_direction: int, rng: Generator) -> tuple[Floats, Floats]:
+        side: Side = "flat" if incidence == "front" else "prism"
+        out, weights = scatter_samples(sheet, side, travel * TURNED_OVER, per_direction, rng)
+        return out * TURNED_OVER, weights
+
+    return trace
 
 
 def scatter_samples(
