@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from analysis.bsdf.model import Component, Floats, Incidence, component_of, travel_sign, with_z
 from labdaq.errors import DataError
 
-_RADII = 600
-_TURNS = 720
-_SMALLEST = 1e-6  # direction cosines; finer peaks are mirrors
+_RADII = 2000
+_ANGLES = 2.0 * np.pi * (np.arange(720) + 0.5) / 720
+_SMALLEST = 1e-7  # direction cosines; finer peaks are mirrors
 
 
 @dataclass(frozen=True)
@@ -126,16 +126,14 @@ class AbgBsdf:
 
     @staticmethod
     def _scattered(lobe: AbgLobe, sine: float) -> float:
-        """Integral of the lobe over the disc: rings about its centre, each as far as it lies within the disc."""
+        """Integral of the lobe over the disc: along rays from its centre to the rim, all around."""
         a, b, g, across, _ = (float(x) for x in lobe.at(np.array(sine)))
-        edges = np.concatenate([[0.0], np.geomspace(_SMALLEST, 2.0 / min(1.0, across), _RADII)])
-        radius = 0.5 * (edges[1:] + edges[:-1])
-        turn = 2.0 * np.pi * (np.arange(_TURNS) + 0.5) / _TURNS
-        x = sine + radius[:, None] * np.cos(turn)
-        y = across * radius[:, None] * np.sin(turn)
-        inside = (x * x + y * y <= 1.0).mean(axis=1)
-        area = np.pi * across * np.diff(edges**2)
-        return float((a / (b + radius**g) * inside * area).sum())
+        radius, cumulative = _radial(b, g, across)
+        c, s = np.cos(_ANGLES), across * np.sin(_ANGLES)
+        # (sine + r c)^2 + (r s)^2 = 1 for the distance r to the rim
+        square = c * c + s * s
+        rim = (-sine * c + np.sqrt((sine * c) ** 2 + square * max(0.0, 1.0 - sine * sine))) / square
+        return float(a * across * 2.0 * np.pi * np.interp(rim, radius, cumulative).mean())
 
     def __call__(
         self, incidence: Incidence, travel: Floats, per_direction: int, rng: Generator
@@ -162,9 +160,7 @@ class AbgBsdf:
         """Directions (count, 2) drawn from a lobe; those beyond the disc are drawn again."""
         sine = float(np.hypot(*xy))
         a, b, g, across, specular = (float(x) for x in lobe.at(np.array(sine)))
-        edges = np.concatenate([[0.0], np.geomspace(_SMALLEST, 2.0 / min(1.0, across), _RADII)])
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        cumulative = np.concatenate([[0.0], np.cumsum(np.diff(edges**2) / (b + middle**g))])
+        edges, cumulative = _radial(b, g, across)
         cumulative /= cumulative[-1]
         result = np.tile(xy, (count, 1)).astype(np.float64)
         whole = AbgBsdf._scattered(lobe, sine) + specular
@@ -180,6 +176,14 @@ class AbgBsdf:
             result[todo[good]] = place[good]
             todo = todo[~good]
         return result
+
+
+def _radial(b: float, g: float, across: float) -> tuple[Floats, Floats]:
+    """Radii up to the far rim, and the integral of r / (B + r**g) from 0 to each of them."""
+    radius = np.concatenate([[0.0], np.geomspace(_SMALLEST, 2.0 / min(1.0, across), _RADII)])
+    middle = 0.5 * (radius[1:] + radius[:-1])
+    steps = 0.5 * np.diff(radius**2) / (b + middle**g)
+    return radius, np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _in_plane(incident: Floats, offset: Floats, sine: Floats) -> tuple[Floats, Floats]:
