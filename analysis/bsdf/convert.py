@@ -46,7 +46,8 @@ def to_klems(
     """
     out_xy = outgoing_grid(outgoing)
     patch = basis.patch_of(out_xy)
-    if np.bincount(patch, minlength=basis.size).min() == 0:
+    count = np.bincount(patch, minlength=basis.size)
+    if count.min() == 0:
         raise DataError(f"{outgoing} x {outgoing} outgoing directions leave patches of {basis.name} empty; take more")
     axis = (np.arange(incident) + 0.5) / incident
     u, v = (x.ravel() for x in np.meshgrid(axis, axis, indexing="ij"))
@@ -56,8 +57,8 @@ def to_klems(
         for i in range(basis.size):
             in_xy = basis.sample(np.full(u.size, i), u, v)
             values = bsdf.evaluate(component, in_xy[:, None], out_xy).mean(axis=0)
-            # sums over the even grid, each direction pi / n**2, shared out to patches of known projected solid angle
-            flux = np.bincount(patch, weights=values, minlength=basis.size) * np.pi / outgoing**2
+            # the mean over a patch, not the sum: the grid gives patches a few directions more or less than their share
+            flux = np.bincount(patch, weights=values, minlength=basis.size) / count * basis.projected
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
             matrix[:, i] = _scaled(flux, wanted, f"{component}, patch {i}") / basis.projected
         matrices[component] = matrix

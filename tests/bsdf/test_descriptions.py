@@ -332,8 +332,8 @@ def test_gridded_rays_follow_the_values() -> None:
 
 def test_a_true_bsdf_passes_the_report() -> None:
     """ABg with equal parameters at all angles is symmetric in incident and outgoing direction."""
-    laws = report(to_klems(SOURCES["abg"], KLEMS_FULL, incident=4, outgoing=128))
-    assert laws.problems() == []
+    laws = report(to_klems(SOURCES["abg"], KLEMS_FULL, incident=2, outgoing=128))
+    assert laws.problems(reciprocity=0.01) == []
 
 
 def test_plots(tmp_path: Path) -> None:
