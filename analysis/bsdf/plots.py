@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.bsdf.model import Bsdf, Component, Floats
-from labdaq.errors import StorageError
+from labdaq.whole_file import write_whole
 
 
 def hemisphere_image(bsdf: Bsdf, component: Component, incident_xy: Floats, pixels: int = 256) -> Floats:
@@ -75,7 +75,4 @@ def plot_scatter(
     if picture is not None:
         figure.colorbar(picture, ax=axes, shrink=0.8, label="1/sr")
     figure.suptitle(title or component.value, fontsize=10)
-    try:
-        figure.savefig(Path(path))
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror or error})") from error
+    write_whole(Path(path), figure.savefig)

@@ -12,8 +12,8 @@ from analysis.bsdf.klems import KlemsBsdf
 from analysis.bsdf.model import Component, Floats, Material
 from analysis.bsdf.tensor_tree import TensorTreeBsdf
 from analysis.bsdf.tree_text import render_tree
-from analysis.photometry.lm63_write import write_beside
 from labdaq.errors import DataError, Problems
+from labdaq.whole_file import write_whole_bytes
 
 DEVICE_TYPES = frozenset(
     {
@@ -53,7 +53,7 @@ def write_bsdf(path: Path | str, bsdf: KlemsBsdf | TensorTreeBsdf) -> None:
     StorageError
         The disk refused.
     """
-    write_beside(Path(path), render_bsdf(bsdf, str(path)))
+    write_whole_bytes(Path(path), render_bsdf(bsdf, str(path)))
 
 
 def render_bsdf(bsdf: KlemsBsdf | TensorTreeBsdf, source: str = "BSDF data") -> bytes:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.photometry.distribution import Distribution
 from analysis.photometry.lm63_model import POINT, Opening
-from analysis.photometry.lm63_write import write_beside
 from labdaq.errors import DataError, Problems
+from labdaq.whole_file import write_whole_bytes
 
 _MAX_C: Final = 721
 _MAX_GAMMA: Final = 361
@@ -39,7 +39,7 @@ def write_eulumdat(
     StorageError
         The disk refused.
     """
-    write_beside(Path(path), render_eulumdat(distribution, opening=opening, watts=watts, source=str(path)))
+    write_whole_bytes(Path(path), render_eulumdat(distribution, opening=opening, watts=watts, source=str(path)))
 
 
 def render_eulumdat(

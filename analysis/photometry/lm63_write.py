@@ -1,8 +1,6 @@
 """Write LM-63 files of 2002 and 2019, strictly: what the standard does not allow is refused, all mistakes at once."""
 
-import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -20,7 +18,8 @@ from analysis.photometry.lm63_model import (
     Opening,
     Tilt,
 )
-from labdaq.errors import DataError, Problems, StorageError
+from labdaq.errors import DataError, Problems
+from labdaq.whole_file import write_whole_bytes
 
 _LINE: Final = 254
 """Characters before CR LF: the limit of 2002. 2019 has none, but readers such as ies2rad keep it."""
@@ -75,7 +74,7 @@ def write_lm63(
         digits=digits,
         source=str(path),
     )
-    write_beside(Path(path), text)
+    write_whole_bytes(Path(path), text)
 
 
 def render_lm63(
@@ -112,22 +111,6 @@ def render_lm63(
     for plane in planes:
         lines += _wrapped(_rounded(plane.tolist(), digits))
     return "".join(f"{line}\r\n" for line in lines).encode("ascii")
-
-
-def write_beside(path: Path, data: bytes) -> None:
-    """Write ``data`` to a temporary file beside ``path`` and rename it; raises `StorageError`."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            Path(name).chmod(0o644)
-            Path(name).replace(path)
-        except OSError:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _check_distribution(distribution: Distribution, problems: Problems) -> None:

@@ -6,7 +6,8 @@ import pytest
 from analysis.photometry.closing import Row90
 from analysis.photometry.lm63 import FileGeneration, parse_lm63, render_lm63
 from analysis.photometry.readings import Calibration, DarkReadings, GonioReadings, RoofReadings
-from analysis.photometry.reduce import ReductionOptions, reduce_readings
+from analysis.photometry.reduce import reduce_readings
+from analysis.photometry.reduction import ReductionOptions
 from labdaq.errors import DataError
 
 GAMMAS = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 85.0])
