@@ -75,6 +75,22 @@ def test_broken_laws_are_named() -> None:
     assert all(pair.weighted < 1e-12 for pair in report(made_reciprocal(noisy)).reciprocity)
 
 
+def test_reciprocity_is_paths_walked_backwards() -> None:
+    """Element by element, for matrices without any symmetry: f(i -> o) = f'(-o -> -i)."""
+    rng = np.random.default_rng(7)
+    forward = rng.random((41, 41)) / 4
+    backward = np.empty((41, 41))
+    centre = KLEMS_QUARTER.centre_xy
+    opposite = [int(np.abs(centre + xy).sum(axis=1).argmin()) for xy in centre]
+    for o in range(41):
+        for i in range(41):
+            backward[opposite[i], opposite[o]] = forward[o, i]
+    bsdf = KlemsBsdf(KLEMS_QUARTER, {Component.TF: forward, Component.TB: backward})
+    assert report(bsdf).reciprocity[0].weighted == pytest.approx(0, abs=1e-12)
+    turned = KlemsBsdf(KLEMS_QUARTER, {Component.TF: forward, Component.TB: forward.T})
+    assert report(turned).reciprocity[0].weighted > 0.1
+
+
 def test_a_transposed_matrix_is_caught() -> None:
     """A lens that sends everything to one side: transposed, it breaks the balance of energy."""
     matrix = np.zeros((145, 145))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.bsdf.prism import PrismSheet, scatter_samples
+from analysis.bsdf.prism import PrismSheet, prism_tracer, scatter_samples
 from labdaq.errors import ConfigError
 
 CLEAR = {"absorption_per_mm": 0.0, "slope_error_deg": 0.0}
@@ -118,6 +118,60 @@ def test_both_sides_transmit_the_same_diffuse_light() -> None:
         shares.append((part.mean(), part.std() / math.sqrt(n)))
     (a, ea), (b, eb) = shares
     assert abs(a - b) < 4 * math.hypot(ea, eb)
+
+
+@pytest.mark.parametrize("theta", [0, 50, 75])
+def test_a_rough_surface_shows_the_slopes_that_face_the_ray(theta: float) -> None:
+    """Visible normals: slopes p along the ray are met in proportion to cos + p sin, so their mean is s^2 tan."""
+    from analysis.bsdf.optics import rough_normal
+
+    sigma, state = 0.05, np.array([7], dtype=np.uint64)
+    t = math.radians(theta)
+    d = (math.sin(t), 0.0, -math.cos(t))
+    n = 40_000
+    normals = np.array([rough_normal(0.0, 0.0, 1.0, *d, sigma, state) for _ in range(n)])
+    slopes = -normals[:, :2] / normals[:, 2:]
+    # at 75 degrees cos is five standard deviations of the slope times sin: nothing is hidden
+    expected = sigma**2 * math.tan(t)
+    assert slopes[:, 0].mean() == pytest.approx(expected, abs=4 * sigma / math.sqrt(n))
+    assert slopes[:, 1].mean() == pytest.approx(0, abs=4 * sigma / math.sqrt(n))
+    # variance s^2 - mean^2 along, s^2 across; 0.3 % of the variance is cut off at four sigma
+    assert slopes[:, 1].std() == pytest.approx(sigma, rel=0.02)
+    assert slopes[:, 0].var() == pytest.approx(sigma**2 - expected**2, rel=0.03)
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(np.ones(n))
+
+
+def test_the_sheet_in_the_frame_of_a_bsdf() -> None:
+    """x east, y south, z down: what turns counter-clockwise seen from above turns the other way there."""
+    tracer = prism_tracer(PrismSheet(orientation_deg=20.0, **CLEAR))
+    down = np.array([[0.0, 0.0, 1.0]])
+    for side, sign in (("front", 1.0), ("back", -1.0)):
+        out, _ = tracer(side, sign * down, 4000, np.random.default_rng(6))
+        d = out[0][out[0, :, 2] * sign > 0.9]
+        phi = np.degrees(np.arctan2(d[:, 1], d[:, 0])) % 90
+        assert np.median(phi) == pytest.approx(70, abs=1e-6)
+
+
+def test_rays_meet_the_facets_where_they_are() -> None:
+    from analysis.bsdf.prism_trace import next_inside, next_outside
+
+    sheet = PrismSheet()
+    g = sheet.geometry()
+    rise = math.tan(math.radians(27))
+    for x, y, surface in ((0.7, 0.2, 1), (-1.9, 0.3, 2), (0.1, 2.2, 3), (0.4, -0.6, 4)):
+        depth = 3.0 - rise * max(abs(x), abs(y))
+        assert next_inside(x, y, 0.0, 0.0, 0.0, 1.0, g) == pytest.approx((x, y, depth, depth, surface))
+        assert next_outside(x, y, 3.0, 0.0, 0.0, -1.0, g) == pytest.approx((x, y, depth, surface))
+    # a ray that leaves its cell sideways below the valleys meets the next pyramid
+    x, y, w, path, surface = next_inside(0.0, 0.1, 0.0, math.sin(1.2), 0.0, math.cos(1.2), g)
+    travelled = path * math.sin(1.2)
+    assert travelled > 2.5
+    inside_cell = (travelled + 2.5) % 5.0 - 2.5
+    assert (x, y) == pytest.approx((inside_cell, 0.1))
+    assert w == pytest.approx(3.0 - rise * max(abs(inside_cell), 0.1))
+    assert surface in (1, 2)
+    # and one that goes down from the valley leaves
+    assert next_outside(2.5, 2.5, 3.0 - sheet.height_mm, 0.0, 0.0, 1.0, g)[3] == 0
 
 
 def test_same_seed_same_samples() -> None:

@@ -140,6 +140,19 @@ def test_a_nadir_spike_is_left_out_and_told() -> None:
     assert kept.distribution.candela[0, 0] > 1.1 * 800 * light.mean()
 
 
+@pytest.mark.parametrize(("sigmas", "kept"), [(2.0, 16), (12.0, 15)])
+def test_only_what_is_far_from_the_others_is_an_outlier(sigmas: float, kept: int) -> None:
+    noise = 0.01
+    readings, roof, _ = scan()
+    lux = readings.lux.copy()
+    nadir = np.arange(0, 160, 10)
+    # sixteen values with a known spread: the quantiles of a normal distribution, the last one moved off
+    quantiles = np.array([-1.5, -1.15, -0.9, -0.7, -0.5, -0.3, -0.15, 0, 0, 0.15, 0.3, 0.5, 0.7, 0.9, 1.15, sigmas])
+    lux[nadir] *= 1 + noise * quantiles
+    result = reduce_readings(GonioReadings.of(readings.gamma_deg, readings.c_deg, lux, readings.time_s), roof)
+    assert result.count[0, 0] == kept
+
+
 def test_missing_directions() -> None:
     readings, roof, _ = scan()
     lux = readings.lux.copy()
