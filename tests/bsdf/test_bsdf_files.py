@@ -21,7 +21,8 @@ from analysis.bsdf.xml_read import parse_bsdf, read_bsdf
 from analysis.bsdf.xml_write import render_bsdf, write_bsdf
 from labdaq.errors import DataError
 
-DATA = Path("/work/shared/data/bsdf")
+SHARED = next((p / "shared/data" for p in Path(__file__).parents if (p / "shared/data").is_dir()), Path("shared/data"))
+DATA = SHARED / "bsdf"
 SCHEMA = DATA / "BSDF-v1.7.7.xsd"
 MATERIAL = Material("Lens <1> & more", "Us", 0.003, 0.6096, 0.6096)
 
@@ -65,7 +66,7 @@ def test_tensor_tree_round_trip(rank: int) -> None:
         assert back.evaluate(component, a, b) == pytest.approx(bsdf.evaluate(component, a, b), rel=1e-6)
 
 
-@pytest.mark.skipif(not SCHEMA.is_file(), reason=f"the LBNL schema is not here ({SCHEMA})")
+@pytest.mark.skipif(not SCHEMA.is_file(), reason="the LBNL schema in shared/data/bsdf is not here")
 @pytest.mark.parametrize("basis", [KLEMS_FULL, KLEMS_QUARTER], ids=lambda b: b.name)
 def test_the_official_schema_finds_no_fault(basis: AngleBasis) -> None:
     xmlschema = pytest.importorskip("xmlschema", reason="xmlschema is not installed")
@@ -149,7 +150,7 @@ def test_checkbsdf_on_the_sheet(tmp_path: Path) -> None:
     assert "Isotropic_Tensor_Tree" in judge("checkBSDF", str(tmp_path / "iso.xml"))
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"real BSDF files are not here ({DATA})")
+@pytest.mark.skipif(not DATA.is_dir(), reason="the recordings in shared/data/bsdf are not here")
 def test_real_files() -> None:
     fabric = read_bsdf(DATA / "2011-SA1.XML")
     assert fabric.oddities == ()
@@ -167,7 +168,7 @@ def test_real_files() -> None:
         read_bsdf(DATA / "2011-SA1.XML", band="Infrared")
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"real BSDF files are not here ({DATA})")
+@pytest.mark.skipif(not DATA.is_dir(), reason="the recordings in shared/data/bsdf are not here")
 @pytest.mark.parametrize("name", ["2011-SA1.XML", "klems_aniso_high.xml"])
 def test_radiance_reads_real_files_as_we_do(name: str) -> None:
     pytest.importorskip("pyradiance", reason="pyradiance is not installed")

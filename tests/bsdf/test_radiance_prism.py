@@ -40,10 +40,11 @@ def test_two_engines_agree() -> None:
 
 @pytest.mark.slow
 def test_two_engines_agree_better_with_more_rays() -> None:
+    # a direction's total of 8000 rays has a standard error of up to 0.0056; the worst of 41 stays within 3.5 of them
     for apart, moved, worst in compare(CLEAR, samples=8000, cells=60).values():
-        assert apart < 0.0015
-        assert moved < 0.04
-        assert worst < 0.012
+        assert apart < 0.002
+        assert moved < 0.05
+        assert worst < 0.02
 
 
 def test_absorption_is_per_millimetre_in_both() -> None:

@@ -23,7 +23,8 @@ from analysis.photometry.lm63 import (
 from analysis.photometry.testdata import TestData
 from labdaq.errors import DataError
 
-REAL = Path("/work/shared/data/ies")
+SHARED = next((p / "shared/data" for p in Path(__file__).parents if (p / "shared/data").is_dir()), Path("shared/data"))
+REAL = SHARED / "ies"
 KEYWORDS = {"TEST": "27", "TESTLAB": "Greenwood", "ISSUEDATE": "2010-07-22", "MANUFAC": "none"}
 
 
@@ -396,7 +397,7 @@ def test_a_damaged_file_is_refused_or_read_with_true_numbers(data: st.DataObject
         assert np.isfinite(file.distribution.candela).all()
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason=f"real .ies files are not here ({REAL})")
+@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings in shared/data/ies are not here")
 @pytest.mark.parametrize(
     ("name", "flux", "shape"),
     [
