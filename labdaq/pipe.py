@@ -15,16 +15,17 @@ class PipeEnd:
         self._far: PipeEnd | None = None
 
     def write(self, data: bytes) -> None:
-        """Put ``data`` on the line; raises `ConnectionResetError` when the far end was closed."""
-        if self._far is None or self._far.reader.at_eof():
-            raise ConnectionResetError("the far end of the line is closed")
+        """Put ``data`` on the line; raises `ConnectionResetError` when either end was closed."""
+        if self._far is None:
+            raise ConnectionResetError("the line is closed")
         self._far.reader.feed_data(data)
 
     def close(self) -> None:
         """Let the far end read to the end of what was written, then nothing."""
-        if self._far is not None:
-            self._far.reader.feed_eof()
-            self._far = None
+        far, self._far = self._far, None
+        if far is not None:
+            far._far = None
+            far.reader.feed_eof()
 
 
 def pipe() -> tuple[PipeEnd, PipeEnd]:
