@@ -132,7 +132,7 @@ def _sun_in_pixels(seen: View, sun: SunSeen) -> Floats:
 def metered_seconds(world: World, utc_ns: int, optics: Optics, f_number: float, iso: float) -> float:
     """Shutter time of automatic exposure [s]: the mean of the picture circle comes to 18 % of saturation."""
     picture = luminance_picture(world, utc_ns, optics, 64, 48)
-    mean = float(np.mean(np.minimum(picture, 1e5)))
+    mean = float(np.mean(np.minimum(picture[..., _view(optics.lens, 64, 48).inside], 1e5)))
     return 0.18 * saturation_luminance(1.0, f_number, iso) / max(mean, 1e-3)
 
 

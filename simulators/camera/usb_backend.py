@@ -179,6 +179,12 @@ class EmulatedUsb:
         buff[: len(data)] = array("B", data)
         return len(data)
 
+    def intr_write(self, dev_handle: Any, ep: int, intf: int, data: Any, timeout: int) -> int:
+        """The camera has no such endpoint; raises `NotImplementedError`."""
+        raise NotImplementedError
+
+    iso_read = iso_write = intr_write  # pyusb looks all of them up before it uses one
+
     def ctrl_transfer(
         self,
         dev_handle: Any,
