@@ -21,9 +21,6 @@ from simulators.world.observed import World
 
 Floats = NDArray[np.float64]
 
-DRIVE, FIRST_MODULE, SECOND_MODULE = 1, 2, 3
-"""Unit numbers: heads 0-7 are on the first module, heads 8 and 9 on channels 0 and 1 of the second."""
-
 
 @dataclass(frozen=True, slots=True)
 class GoniophotometerOptions:
@@ -32,7 +29,9 @@ class GoniophotometerOptions:
     Attributes
     ----------
     gammas_deg
-        Nominal gamma of each head [deg], at most 16.
+        Nominal gamma of each head [deg]; heads take the modules' channels in order, eight to a module.
+    motor_unit, sensor_units
+        Modbus unit numbers of the drive and of the analog modules.
     baud, parity, stop_bits
         The RS-485 line, 8 data bits; a pty cannot carry parity.
     power_up_c_deg
@@ -54,6 +53,8 @@ class GoniophotometerOptions:
     """
 
     gammas_deg: tuple[float, ...] = GAMMAS_DEG
+    motor_unit: int = 1
+    sensor_units: tuple[int, ...] = (2, 3)
     baud: int = 115_200
     parity: str = "N"
     stop_bits: int = 1
@@ -67,9 +68,11 @@ class GoniophotometerOptions:
     sensors: SensorResponse = faithful_sensors
 
     def __post_init__(self) -> None:
-        heads = len(self.gammas_deg)
-        if heads > 2 * CHANNELS:
-            raise ValueError(f"two modules have {2 * CHANNELS} channels, not {heads}")
+        heads, modules = len(self.gammas_deg), len(self.sensor_units)
+        if heads > modules * CHANNELS:
+            raise ValueError(f"{modules} modules have {modules * CHANNELS} channels, too few for {heads} heads")
+        if len({self.motor_unit, *self.sensor_units}) != modules + 1:
+            raise ValueError(f"units need different numbers, not {self.motor_unit} and {self.sensor_units}")
         if self.wiring and sorted(self.wiring) != list(range(heads)):
             raise ValueError(f"the wiring must name each of the {heads} heads once, not {self.wiring}")
 
@@ -111,13 +114,14 @@ class Goniophotometer:
                 clock,
                 np.random.default_rng([seed, 7017, k]),
                 noise_v=options.chain.noise_v,
-                unit_id=FIRST_MODULE + k,
+                unit_id=number,
                 conversion_s=options.conversion_s,
             )
-            for k in range(2)
+            for k, number in enumerate(options.sensor_units)
         )
         self.faults = ModbusFaults()
-        units: dict[int, Unit] = {DRIVE: self.drive, FIRST_MODULE: self.modules[0], SECOND_MODULE: self.modules[1]}
+        units: dict[int, Unit] = {options.motor_unit: self.drive}
+        units |= dict(zip(options.sensor_units, self.modules, strict=True))
         slaves = Slaves(units, self.faults)
         style = SerialFormat(options.baud, 8, options.parity, options.stop_bits)
         self.rtu = RtuSlaves(slaves, clock, style, line_faults, pacing=pacing)
@@ -139,8 +143,8 @@ class Goniophotometer:
         return lambda utc_ns, mono_ns: self._terminals(utc_ns, mono_ns)[first : first + CHANNELS]
 
     def _terminals(self, utc_ns: int, mono_ns: int) -> Floats:
-        """Volts at all 16 inputs; those without a head are shorted."""
+        """Volts at all modules' inputs; those without a head are shorted."""
         lux = self.illuminance(utc_ns, mono_ns)
-        volts = np.zeros(2 * CHANNELS)
+        volts = np.zeros(CHANNELS * len(self.modules))
         volts[: len(lux)] = self.options.chain.volts(lux[list(self.options.wiring)] if self.options.wiring else lux)
         return volts

@@ -67,7 +67,8 @@ class SensorChain:
     sensitivity_a_per_lx
         Photocurrent per illuminance [A/lx]; about 0.3 nA/lx for the usual cosine-corrected silicon head.
     transimpedance_ohm
-        Gain of the amplifier [V/A]; with 1 MΩ one lux is 0.3 mV and ±10 V reach to 33 333 lx.
+        Gain of the amplifier [V/A]; with 10 MΩ one lux is 3 mV, ±10 V reach to 3333 lx, and a step of the ±150 mV range
+        is 0.0015 lx.
     offset_v
         Voltage in the dark.
     noise_v
@@ -77,17 +78,17 @@ class SensorChain:
     """
 
     sensitivity_a_per_lx: float = 0.3e-9
-    transimpedance_ohm: float = 1.0e6
+    transimpedance_ohm: float = 1.0e7
     offset_v: float = 0.0
     noise_v: float = 10e-6
     rail_v: float = 11.0
 
     @property
-    def lux_per_volt(self) -> float:
-        """What a calibration certificate would say [lx/V]."""
-        return 1.0 / (self.sensitivity_a_per_lx * self.transimpedance_ohm)
+    def sensitivity_v_per_lx(self) -> float:
+        """What a calibration certificate would say [V/lx]."""
+        return self.sensitivity_a_per_lx * self.transimpedance_ohm
 
     def volts(self, illuminance_lx: Floats) -> Floats:
         """Output of the amplifiers without noise [V, (n,)]."""
-        volts = illuminance_lx / self.lux_per_volt + self.offset_v
+        volts = illuminance_lx * self.sensitivity_v_per_lx + self.offset_v
         return np.clip(volts, -self.rail_v, self.rail_v)

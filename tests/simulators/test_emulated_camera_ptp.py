@@ -395,7 +395,7 @@ def test_image_size_and_quality_decide_the_file() -> None:
             assert item.name.endswith(suffix)
             assert item.file is not None
             sizes.append(len(item.file.data))
-        assert sizes == sorted(sizes)[:2] + [sizes[2], sizes[3]]
+        assert sizes == [*sorted(sizes[:2]), *sizes[2:]]
         assert sizes[2] > 640 * 480 * 3
         assert sizes[3] > 640 * 480 * 2
         assert (await client.do(0x1016, 0x5003, send=datasets.text("1024x768")))[0] == OK

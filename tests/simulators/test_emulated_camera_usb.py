@@ -282,7 +282,7 @@ def test_a_transfer_that_breaks_off(host: Host, backend: EmulatedUsb) -> None:
 def test_unplugging(host: Host, backend: EmulatedUsb) -> None:
     host.do(0x1002, 1)
     backend.faults.unplugged = True
-    for act in (lambda: host.do(0x1001), lambda: host.event(), lambda: host.into.read(64, timeout=50)):
+    for act in (lambda: host.do(0x1001), host.event, lambda: host.into.read(64, timeout=50)):
         with pytest.raises(usb.core.USBError) as caught:
             act()
         assert caught.value.errno == errno.ENODEV

@@ -4,6 +4,7 @@ import math
 import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from simulators.goniophotometer.pdu import answer
 from simulators.goniophotometer.rtu import crc16, rtu_frame, silent_interval_s
 from simulators.line import Garbage, SerialFormat
 
+V_PER_LX = 3e-3
 PLAIN = GoniophotometerOptions(chain=SensorChain(noise_v=0.0))
 
 Talk = Callable[[PipeEnd, VirtualClock, Goniophotometer], Awaitable[None]]
@@ -266,7 +268,7 @@ def test_every_move_is_continuous_and_ends_at_rest_at_its_target(
     legs = move(start, velocity, target, speed, acc, dec)
     assert legs[0].position == start
     assert legs[0].velocity == pytest.approx(velocity)
-    for before, after in zip(legs, legs[1:], strict=False):
+    for before, after in pairwise(legs):
         assert after.position == pytest.approx(before.end[0], abs=1e-3)
         assert after.velocity == pytest.approx(before.end[1], abs=1e-3)
     assert legs[-1].end == pytest.approx((target, 0.0), abs=1e-3)
@@ -457,8 +459,8 @@ def test_ten_heads_read_the_worlds_illuminance() -> None:
             await clock.sleep(1.0)
             read = np.concatenate([await volts(end, 2), await volts(end, 3)])
             assert read[10:] == pytest.approx(np.zeros(6), abs=1e-9)
-            # half a step of the ±10 V range is 0.15 mV, that is 0.5 lx
-            assert read[:10] / 0.3e-3 == pytest.approx(expected_lux(c), abs=0.51)
+            # half a step of the ±10 V range is 0.15 mV, that is 0.05 lx
+            assert read[:10] / V_PER_LX == pytest.approx(expected_lux(c), abs=0.051)
 
     talking(talk)
 
@@ -467,12 +469,12 @@ def test_a_finer_range_takes_effect_with_the_next_scan() -> None:
     async def talk(end: PipeEnd, clock: VirtualClock, bench: Goniophotometer) -> None:
         await clock.sleep(0.85)
         coarse = await words(end, 2, 0, 1, 4)
-        await write(end, 2, 0x0100, 0x0C)
-        assert await words(end, 2, 0x0100, 1) == [0x0C]
+        await write(end, 2, 0x0100, 0x0A)
+        assert await words(end, 2, 0x0100, 1) == [0x0A]
         assert await words(end, 2, 0, 1, 4) == coarse  # still the old scan's code, in the old range
         await clock.sleep(0.9)
-        fine = (await words(end, 2, 0, 1, 4))[0] / 32767 * 0.15 / 0.3e-3
-        assert fine == pytest.approx(expected_lux(37.4)[0], abs=0.01)
+        fine = (await words(end, 2, 0, 1, 4))[0] / 32767 * 1.0 / V_PER_LX
+        assert fine == pytest.approx(expected_lux(37.4)[0], abs=0.0052)
 
     talking(talk)
 
@@ -500,7 +502,7 @@ def test_engineering_format_counts_millivolts() -> None:
         await clock.sleep(1.0)
         request = rtu_frame(2, b"\x05\x01\x0d\xff\x00")
         assert await exchange(end, request, 8) == request
-        assert (await words(end, 2, 0, 1, 4))[0] == pytest.approx(expected_lux(37.4)[0] * 0.3, abs=1)
+        assert (await words(end, 2, 0, 1, 4))[0] == pytest.approx(expected_lux(37.4)[0] * 3.0, abs=1)
 
     talking(talk)
 
@@ -624,12 +626,29 @@ def test_swapped_wires() -> None:
     async def talk(end: PipeEnd, clock: VirtualClock, bench: Goniophotometer) -> None:
         await clock.sleep(1.0)
         read = await volts(end, 2)
-        assert read[1] / 0.3e-3 == pytest.approx(expected_lux(37.4)[2], abs=0.51)
-        assert read[2] / 0.3e-3 == pytest.approx(expected_lux(37.4)[1], abs=0.51)
+        assert read[1] / V_PER_LX == pytest.approx(expected_lux(37.4)[2], abs=0.051)
+        assert read[2] / V_PER_LX == pytest.approx(expected_lux(37.4)[1], abs=0.051)
 
     talking(talk, replace(PLAIN, wiring=(0, 2, 1, 3, 4, 5, 6, 7, 8, 9)))
     with pytest.raises(ValueError, match="each of the 10 heads once"):
         GoniophotometerOptions(wiring=(0, 0))
+
+
+def test_units_and_heads_are_what_the_options_say() -> None:
+    async def talk(end: PipeEnd, clock: VirtualClock, bench: Goniophotometer) -> None:
+        await clock.sleep(1.0)
+        assert await words(end, 17, 0x1003, 1) == [0x32]
+        assert (await words(end, 20, 1, 1, 4))[0] / 32767 * 10 / V_PER_LX == pytest.approx(
+            UniformWorld().room_illuminance(np.array([40.0]), 37.4, 0)[0], abs=0.051
+        )
+        end.write(rtu_frame(1, b"\x03\x10\x03\x00\x01"))
+        assert await silence(end, clock, 1.0)
+
+    talking(talk, replace(PLAIN, gammas_deg=(0.0, 40.0), motor_unit=17, sensor_units=(20,)))
+    with pytest.raises(ValueError, match="too few for 10 heads"):
+        GoniophotometerOptions(sensor_units=(2,))
+    with pytest.raises(ValueError, match="different numbers"):
+        GoniophotometerOptions(sensor_units=(1, 2))
 
 
 # --- faults ---
