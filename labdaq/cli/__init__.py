@@ -10,7 +10,9 @@ import labdaq
 from labdaq.errors import LabdaqError
 from labdaq.rooms import check_rooms
 
-COMMANDS: Final[dict[str, str]] = {}
+COMMANDS: Final[dict[str, str]] = {
+    "emulate": "Run emulated instruments on real ports.",
+}
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 
 
