@@ -1,7 +1,7 @@
 """All instruments of a station, emulated together: one clock, one world, every instrument on its own wire."""
 
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from labdaq.clock import Clock
 from labdaq.pipe import PipeEnd
@@ -13,6 +13,9 @@ from simulators.line.ports import Serve
 from simulators.ls110 import LuminanceMeter, LuminanceMeterWire
 from simulators.options import INSTRUMENTS, SERIAL, EmulationOptions
 from simulators.world.observed import World
+
+if TYPE_CHECKING:
+    from simulators.camera.usb_backend import EmulatedUsb
 
 _SECOND_METER = 1_000_003  # so that the two chroma meters' noises differ
 
@@ -34,8 +37,7 @@ class EmulatedStation:
     Attributes
     ----------
     ls110, cl200_global, cl200_diffuse, camera, goniophotometer
-        The instruments behind the wires, for tests to look at and to spoil. Plug the camera into pyusb with
-        `simulators.camera.usb_backend.EmulatedUsb`.
+        The instruments behind the wires, for tests to look at and to spoil.
     line_faults
         The faults of each serial line, by instrument name.
     endpoints
@@ -51,6 +53,7 @@ class EmulatedStation:
         if clock.state().source == "virtual" and not in_memory:
             raise ValueError("virtual time needs lines in memory: EmulatedStation(..., in_memory=True)")
         self._in_memory = in_memory
+        self._clock = clock
         self.endpoints: dict[str, str] = {}
         self._ports: dict[str, Port] = {}
         self.line_faults = {name: FaultBox() for name in SERIAL}
@@ -87,6 +90,15 @@ class EmulatedStation:
                 f"no line in memory leads to '{instrument}'; there are {', '.join(self.endpoints) or 'none'}"
             )
         return port.dial()
+
+    def usb(self) -> "EmulatedUsb":
+        """A pyusb backend with the station's camera plugged in: ``usb.core.find(backend=station.usb())``.
+
+        In virtual time its reads do not wait: they time out at once where there is nothing yet.
+        """
+        from simulators.camera.usb_backend import EmulatedUsb
+
+        return EmulatedUsb(self.camera, blocking=self._clock.state().source != "virtual")
 
     async def start(self) -> None:
         """Open all ports; raises `OSError` when a TCP port is taken, and then none stays open."""

@@ -51,6 +51,7 @@ class Wishes:
 @click.option(
     "--start",
     type=click.DateTime(["%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%dT%H:%M:%S"]),
+    metavar="UTC",
     help="UTC at which the emulated time starts, e.g. 2010-07-22T13:12:00Z; now, when not given.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Of everything random.")

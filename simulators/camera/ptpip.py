@@ -153,7 +153,12 @@ class PtpIpFront:
     async def _tell(self, wire: Wire) -> None:
         """Let the camera do what becomes due, and pass its events on."""
         news = asyncio.Event()
-        self.camera.changed = news.set
+        loop = asyncio.get_running_loop()
+
+        def wake() -> None:
+            loop.call_soon_threadsafe(news.set)  # a USB client may sit in another thread
+
+        self.camera.changed = wake
         while True:
             news.clear()
             due_ns = self.camera.next_due_ns

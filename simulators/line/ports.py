@@ -6,12 +6,15 @@ every client (a pty has one wire for all of them) and, when closed, ends the cal
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 from labdaq.pipe import PipeEnd, pipe
 from simulators.line.pseudoterminal import PtyWire
 from simulators.line.wires import PipeWire, StreamWire, Wire
+
+_log = logging.getLogger(__name__)
 
 Serve = Callable[[Wire], Coroutine[Any, Any, None]]
 
@@ -41,8 +44,9 @@ class _Calls:
 
     def _ended(self, call: asyncio.Task[None]) -> None:
         self._calls.pop(call).close()
-        if not call.cancelled() and call.exception() is not None and self._failure is None:
-            self._failure = call.exception()
+        if not call.cancelled() and (error := call.exception()) is not None:
+            _log.error("an emulated instrument broke down; its line is closed", exc_info=error)
+            self._failure = self._failure or error
 
     async def aclose(self) -> None:
         calls = tuple(self._calls)

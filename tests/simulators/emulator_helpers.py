@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,8 +18,7 @@ from simulators.world.observed import SunSeen
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
-MORNING_NS = 1_279_804_320_000_000_000  # 2010-07-22T13:12:00Z
-assert utc_ns_of(__import__("datetime").datetime.fromisoformat("2010-07-22T13:12:00+00:00")) == MORNING_NS
+MORNING_NS = utc_ns_of(datetime(2010, 7, 22, 13, 12, tzinfo=UTC))  # the report's test 18
 
 
 class UniformWorld:

@@ -1,14 +1,17 @@
 """The camera's protocol from its own side: datasets, sessions, PTP/IP packets, capture and events."""
 
 import asyncio
+import io
 import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field, replace
 
 import pytest
+import rawpy
 from emulator_helpers import UniformWorld, in_virtual_time
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from labdaq.clock import VirtualClock
 from labdaq.pipe import PipeEnd
@@ -430,10 +433,6 @@ def test_program_mode_chooses_the_exposure_and_says_so() -> None:
         handle = await take(client)
         file = camera.card.objects[handle].file
         assert file is not None
-        import io
-
-        from PIL import Image
-
         exif = Image.open(io.BytesIO(file.data)).getexif().get_ifd(0x8769)
         assert exif[0x8822] == 2
         # 3000 cd/m² to 18 % of saturation at f/4, ISO 100: 1/880 s
@@ -453,10 +452,6 @@ def test_true_shutter_times_may_lie_on_the_ladder() -> None:
             await clock.sleep(2.0)
             camera.advance()
             data = camera.card.objects[0x65].file.data  # type: ignore[union-attr]
-            import io
-
-            import rawpy
-
             with rawpy.imread(io.BytesIO(data)) as raw:
                 assert raw.other.shutter_speed == pytest.approx(1 / 500)
                 means.append(float(raw.raw_image[200:280, 280:360].mean()) - 64)

@@ -29,7 +29,7 @@ from simulators.goniophotometer import (
 from simulators.goniophotometer.motion import Profile, move
 from simulators.goniophotometer.pdu import answer
 from simulators.goniophotometer.rtu import crc16, rtu_frame, silent_interval_s
-from simulators.line import Garbage, SerialFormat
+from simulators.line import Garbage, MemoryPort, SerialFormat
 
 V_PER_LX = 3e-3
 PLAIN = GoniophotometerOptions(chain=SensorChain(noise_v=0.0))
@@ -220,6 +220,27 @@ def test_no_pdu_breaks_a_unit(pdu: bytes) -> None:
             reply = answer(unit, pdu)
             assert reply[0] & 0x7F == pdu[0] & 0x7F
             assert len(reply) <= 253
+
+    in_virtual_time(main)
+
+
+@given(st.lists(st.binary(min_size=1, max_size=40), max_size=4), st.booleans())
+def test_no_bytes_break_a_line(noise: list[bytes], tcp: bool) -> None:
+    async def main(clock: VirtualClock) -> None:
+        bench = Goniophotometer(UniformWorld(), clock, PLAIN)
+        port = MemoryPort(bench.tcp.serve if tcp else bench.rtu.serve)
+        end = port.dial()
+        for piece in noise:
+            try:
+                end.write(piece)
+            except ConnectionResetError:
+                break  # a gateway hangs up on nonsense
+            await clock.sleep(0.1)
+        request = bytes.fromhex("000900000006011310030001") if tcp else rtu_frame(1, b"\x03\x10\x03\x00\x01")
+        again = port.dial()
+        again.write(request)
+        await again.reader.readexactly(7)
+        await port.aclose()
 
     in_virtual_time(main)
 

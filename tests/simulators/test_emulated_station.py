@@ -6,6 +6,8 @@ import struct
 
 import numpy as np
 import pytest
+import usb.core
+import usb.util
 from emulator_helpers import MORNING_NS, UniformWorld, in_virtual_time, silence
 
 from labdaq.clock import NS, ScaledClock, VirtualClock
@@ -179,6 +181,26 @@ def test_every_instrument_answers_on_a_tcp_port() -> None:
                 await writer.wait_closed()
 
     asyncio.run(main())
+
+
+def test_the_camera_is_one_on_usb_and_on_the_network() -> None:
+    async def main(clock: VirtualClock) -> None:
+        async with EmulatedStation(UniformWorld(), clock, in_memory=True) as station:
+            backend = station.usb()
+            device = usb.core.find(backend=backend, idProduct=0x010D)
+            assert device is not None
+            device.write(0x02, bytes.fromhex("10000000 0100 0210 00000000 01000000"))
+            assert bytes(device.read(0x81, 64)) == bytes.fromhex("0c000000 0300 0120 00000000")
+            device.write(0x02, bytes.fromhex("0c000000 0100 0e10 01000000"))
+            assert bytes(device.read(0x81, 64)) == bytes.fromhex("0c000000 0300 0120 01000000")
+            with pytest.raises(usb.core.USBTimeoutError):
+                device.read(0x83, 64, timeout=60_000)
+            await clock.sleep(2.0)
+            assert bytes(device.read(0x83, 64))[6:8] == bytes.fromhex("0240")
+            assert len(station.camera.card.objects) == 3
+            usb.util.dispose_resources(device)
+
+    in_virtual_time(main)
 
 
 def test_a_line_keeps_its_state_when_it_is_dialled_again() -> None:
