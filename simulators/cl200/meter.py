@@ -24,13 +24,13 @@ SHIFT_DOWN: Final = 0.8
 LOW_LIGHT_LX: Final = 5.0
 """Below it the chromaticity is marked inaccurate."""
 
-HOLD_TAKES_S: Final = 0.4
-"""From the hold command until hold is in force [s]; the maker tells readers to wait 0.5."""
+HOLD_TAKES_S: Final = 0.3
+"""From the hold command until hold is in force [s]. The maker tells readers to wait 0.5; a busy computer needs some."""
 
 EXTERNAL_TAKES_S: Final = 0.17
 """From setting external mode until a trigger is obeyed [s]; the maker says 0.175 in one chapter, 0.5 in another."""
 
-MEASURING_S: Final = 0.4
+MEASURING_S: Final = 0.35
 """From the trigger's last byte until the reading is there [s]. Known readers ask exactly 0.5 s after they began to
 write the trigger, which itself takes 15 ms on the line."""
 

@@ -43,7 +43,7 @@ class GoniophotometerOptions:
     conversion_s
         Time of one conversion of a module [s].
     wiring
-        Which head is on each channel, in channel order; empty for straight wiring.
+        Which head (with its amplifier) is on each channel, in channel order; empty for straight wiring.
     chain
         Electrical side of the heads.
     arm
@@ -144,7 +144,7 @@ class Goniophotometer:
 
     def _terminals(self, utc_ns: int, mono_ns: int) -> Floats:
         """Volts at all modules' inputs; those without a head are shorted."""
-        lux = self.illuminance(utc_ns, mono_ns)
+        from_heads = self.options.chain.volts(self.illuminance(utc_ns, mono_ns))
         volts = np.zeros(CHANNELS * len(self.modules))
-        volts[: len(lux)] = self.options.chain.volts(lux[list(self.options.wiring)] if self.options.wiring else lux)
+        volts[: len(from_heads)] = from_heads[list(self.options.wiring)] if self.options.wiring else from_heads
         return volts

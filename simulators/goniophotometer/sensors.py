@@ -60,7 +60,7 @@ class ImperfectSensors:
 
 @dataclass(frozen=True, slots=True)
 class SensorChain:
-    """Electrical side of the heads.
+    """Electrical side of the heads; the first three may be one number for all or one per head.
 
     Attributes
     ----------
@@ -70,25 +70,26 @@ class SensorChain:
         Gain of the amplifier [V/A]; with 10 MΩ one lux is 3 mV, ±10 V reach to 3333 lx, and a step of the ±150 mV range
         is 0.0015 lx.
     offset_v
-        Voltage in the dark.
+        Voltage in the dark [V].
     noise_v
         Standard deviation of one conversion's noise, referred to the amplifier's output [V].
     rail_v
         Where the amplifier saturates [V].
     """
 
-    sensitivity_a_per_lx: float = 0.3e-9
-    transimpedance_ohm: float = 1.0e7
-    offset_v: float = 0.0
+    sensitivity_a_per_lx: float | tuple[float, ...] = 0.3e-9
+    transimpedance_ohm: float | tuple[float, ...] = 1.0e7
+    offset_v: float | tuple[float, ...] = 0.0
     noise_v: float = 10e-6
     rail_v: float = 11.0
 
     @property
-    def sensitivity_v_per_lx(self) -> float:
-        """What a calibration certificate would say [V/lx]."""
-        return self.sensitivity_a_per_lx * self.transimpedance_ohm
+    def sensitivity_v_per_lx(self) -> Floats:
+        """What a calibration certificate would say [V/lx], () or (n,)."""
+        product: Floats = np.multiply(self.sensitivity_a_per_lx, self.transimpedance_ohm)
+        return product
 
     def volts(self, illuminance_lx: Floats) -> Floats:
         """Output of the amplifiers without noise [V, (n,)]."""
-        volts = illuminance_lx * self.sensitivity_v_per_lx + self.offset_v
+        volts = illuminance_lx * self.sensitivity_v_per_lx + np.asarray(self.offset_v)
         return np.clip(volts, -self.rail_v, self.rail_v)

@@ -562,6 +562,18 @@ def test_the_host_watchdog_trips_after_silence() -> None:
     talking(talk)
 
 
+def test_heads_have_sensitivities_and_dark_voltages_of_their_own() -> None:
+    gains = tuple(1e7 * (1 + 0.01 * k) for k in range(10))
+    dark = tuple(1e-3 * k for k in range(10))
+
+    async def talk(end: PipeEnd, clock: VirtualClock, bench: Goniophotometer) -> None:
+        await clock.sleep(1.0)
+        scale = V_PER_LX * (1 + 0.01 * np.arange(8))
+        assert await volts(end, 2) == pytest.approx(scale * expected_lux(37.4)[:8] + 1e-3 * np.arange(8), abs=1.6e-4)
+
+    talking(talk, replace(PLAIN, chain=SensorChain(transimpedance_ohm=gains, offset_v=dark, noise_v=0.0)))
+
+
 def test_a_frozen_channel_stays_and_a_disabled_one_is_zero() -> None:
     world = UniformWorld()
 

@@ -47,7 +47,17 @@ def ready(process: subprocess.Popen[str]) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def station() -> Iterator[dict[str, str]]:
-    process = start("--rate", str(RATE), "--camera", "generic", "--picture", "jpeg")
+    yield from running("--rate", str(RATE), "--camera", "generic", "--picture", "jpeg")
+
+
+@pytest.fixture(scope="module")
+def unhurried() -> Iterator[dict[str, str]]:
+    """At the instruments' own pace."""
+    yield from running()
+
+
+def running(*options: str) -> Iterator[dict[str, str]]:
+    process = start(*options)
     try:
         yield ready(process)
     finally:
@@ -85,11 +95,11 @@ def test_a_taken_port_and_wrong_options_are_one_clear_error(station: dict[str, s
 # --- serial lines, with pyserial as users do ---
 
 
-def opened(port: str, baud: int, stop_bits: int) -> serial.Serial:
+def opened(port: str, baud: int, stop_bits: int, timeout: float = 10) -> serial.Serial:
     """Open with 7 data bits and even parity. On a pty the kernel drops both, and glibc may then refuse with EINVAL."""
     for _ in range(50):
         try:
-            return serial.Serial(port, baud, serial.SEVENBITS, serial.PARITY_EVEN, stop_bits, timeout=10)
+            return serial.Serial(port, baud, serial.SEVENBITS, serial.PARITY_EVEN, stop_bits, timeout=timeout)
         except termios.error:
             time.sleep(0.02)
     raise AssertionError("the pty refused its settings fifty times")
@@ -115,32 +125,39 @@ def frame(body: str) -> bytes:
     return b"\x02" + inner + b"%02X\r\n" % code
 
 
-def test_cl200_as_lux_clients_read_it(station: dict[str, str]) -> None:
-    """They clear the input right after writing, and read half a second after the trigger."""
-    readings = {}
-    for name in ("cl200_global", "cl200_diffuse"):
-        with opened(station[name], 9600, serial.STOPBITS_ONE) as port:
+def test_cl200_as_lux_clients_read_it(unhurried: dict[str, str]) -> None:
+    """They clear the input right after writing, and read half a second after the trigger.
 
-            def ask(body: str, port: serial.Serial = port) -> bytes:
-                port.write(frame(body))
-                port.reset_input_buffer()
-                return bytes(port.read_until(b"\r\n"))
-
-            assert ask("00541   ") == frame("0054    ")
-            time.sleep(0.5 / RATE)
-            port.write(frame("99551  0"))
-            time.sleep(0.5 / RATE)
-            assert ask("004010  ") == frame("0040    ")
-            time.sleep(0.5 / RATE)
-            for _ in range(4):
-                port.write(frame("994021  "))
-                time.sleep(0.5)
-                reply = ask("00021200")
-                if reply[7:8] in b"1234":
-                    break
-            assert reply[6:9] in (b" 40", b" 30")
-            readings[name] = int(reply[10:14]) * 10.0 ** (int(reply[14:15]) - 4)
+    A reply that comes at once is lost to them: at the line's pace they have 25 ms to clear the input. On a busy
+    computer either side may be late all the same, so the sequence is begun again, as the maker's note says.
+    """
+    readings = {name: _lux(unhurried[name]) for name in ("cl200_global", "cl200_diffuse")}
     assert readings["cl200_global"] > 4 * readings["cl200_diffuse"] > 30_000
+
+
+def _lux(device: str) -> float:
+    with opened(device, 9600, serial.STOPBITS_ONE, timeout=3) as port:
+
+        def ask(body: str) -> bytes:
+            port.write(frame(body))
+            port.reset_input_buffer()
+            return bytes(port.read_until(b"\r\n"))
+
+        for _ in range(10):
+            connected = ask("00541   ")
+            time.sleep(0.5)
+            port.write(frame("99551  0"))
+            time.sleep(0.5)
+            external = ask("004010  ")
+            time.sleep(0.5)
+            port.write(frame("994021  "))
+            time.sleep(0.5)
+            reply = ask("00021200")
+            well = (connected, external) == (frame("0054    "), frame("0040    "))
+            if well and reply[6:9] in (b" 40", b" 30"):
+                assert reply == frame(reply[1:-5].decode())
+                return int(reply[10:14]) * 10.0 ** (int(reply[14:15]) - 4)
+    raise AssertionError(f"ten sequences, and the last gave {connected!r}, {external!r}, {reply!r}")
 
 
 def test_the_same_pty_opened_many_times(station: dict[str, str]) -> None:
