@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from labdaq import directions
 from simulators.camera.files import ExposureData, developed, dng, jpeg, plain_tiff, thumbnail
-from simulators.camera.lens import FisheyeLens, View, view
+from simulators.camera.lens import FisheyeLens, View, along, view
 from simulators.camera.sensor import Sensor, Words, saturation_luminance
 from simulators.camera.shading import ShadingDisc
 from simulators.world.observed import SunSeen, World
@@ -103,13 +103,13 @@ def luminance_picture(world: World, utc_ns: int, optics: Optics, width: int, hei
     sun = world.sun(utc_ns)
     luminance = world.sky_luminance(seen.towards, utc_ns)
     if sun.altitude_deg > 0:
+        pixels, glare = _sun_in_pixels(seen, sun)
+        luminance = np.array(luminance)
+        luminance[pixels] += glare
         if optics.disc is not None:
-            hidden = optics.disc.hides(seen.towards, sun)
             dark = optics.disc.reflectance / np.pi
             dark *= world.roof_illuminance(ZENITH, utc_ns, max(optics.disc.half_angle_deg, SUN_HALF_ANGLE_DEG))
-            luminance = np.where(hidden, dark, luminance + _sun_in_pixels(seen, sun) * ~hidden)
-        else:
-            luminance = luminance + _sun_in_pixels(seen, sun)
+            luminance[optics.disc.hides(seen.towards, sun)] = dark
     through = luminance * seen.transmission
     if optics.colour is not None:
         through = through * optics.colour(seen.towards, luminance, sun)
@@ -118,15 +118,16 @@ def luminance_picture(world: World, utc_ns: int, optics: Optics, width: int, hei
     return picture + optics.lens.veil * float(np.mean(through))
 
 
-def _sun_in_pixels(seen: View, sun: SunSeen) -> Floats:
-    """Mean luminance that the sun's disc gives each pixel (n,), its light spread over pixels by area."""
+def _sun_in_pixels(seen: View, sun: SunSeen) -> tuple[NDArray[np.intp], Floats]:
+    """Which pixels see the sun's disc, and the mean luminance it gives each: its light spread over them by area."""
     towards_sun = directions.sky_vector(sun.altitude_deg, sun.azimuth_deg)
-    angle = directions.angle_between(seen.towards, towards_sun)
     reach = SUN_HALF_ANGLE_DEG + seen.pixel_deg
+    near = np.flatnonzero(along(seen.towards, towards_sun) > np.cos(np.radians(reach)))
+    angle = directions.angle_between(seen.towards[near], towards_sun)
     weight = np.clip((reach - angle) / seen.pixel_deg, 0.0, 1.0)
-    covered = float(np.sum(weight * seen.solid_angle))
-    spread: Floats = sun.normal_illuminance_lx * weight / covered if covered else np.zeros_like(angle)
-    return spread
+    covered = float(np.sum(weight * seen.solid_angle[near]))
+    spread: Floats = sun.normal_illuminance_lx * weight / covered if covered else weight
+    return near, spread
 
 
 def metered_seconds(world: World, utc_ns: int, optics: Optics, f_number: float, iso: float) -> float:
@@ -140,16 +141,15 @@ def develop(world: World, optics: Optics, shot: Shot, seed: int) -> tuple[Pictur
     """Make the files of a shot; the same shot, seed and world give the same bytes."""
     mosaic = expose(world, optics, shot, seed)
     sensor = optics.sensor
-    picture = developed(mosaic, sensor.black, sensor.white)
-    small = thumbnail(picture)
+    small = thumbnail(mosaic, sensor.black, sensor.white)
     files = []
     for kind in shot.formats:
         if kind == "dng":
             data = dng(mosaic, sensor.black, sensor.white, shot.data)
         elif kind == "tiff":
-            data = plain_tiff(picture, shot.data)
+            data = plain_tiff(developed(mosaic, sensor.black, sensor.white), shot.data)
         else:
-            data = jpeg(picture, int(kind.partition(":")[2]), shot.data)
+            data = jpeg(developed(mosaic, sensor.black, sensor.white), int(kind.partition(":")[2]), shot.data)
         files.append(PictureFile(kind.partition(":")[0], data, small, shot.width, shot.height))
     return tuple(files)
 

@@ -7,6 +7,7 @@ Sources: EXIF 2.3 (CIPA DC-008) for the tags; DNG specification 1.4 for the raw 
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -116,10 +117,14 @@ def developed(mosaic: Words, black: int, white: int) -> NDArray[np.uint8]:
     """Demosaiced picture with the tone curve, blue first, shape (H, W, 3)."""
     import cv2
 
-    linear = cv2.cvtColor(mosaic, cv2.COLOR_BayerRGGB2BGR)
-    curve = np.rint(255.0 * srgb_tone((np.arange(white + 1) - black) / (white - black))).astype(np.uint8)
-    picture: NDArray[np.uint8] = curve[np.minimum(linear, white)]
+    picture: NDArray[np.uint8] = _curve(black, white)[cv2.cvtColor(mosaic, cv2.COLOR_BayerRGGB2BGR)]
     return picture
+
+
+@lru_cache(maxsize=4)
+def _curve(black: int, white: int) -> NDArray[np.uint8]:
+    """Byte for every digital number a 16-bit mosaic can hold."""
+    return np.rint(255.0 * srgb_tone((np.arange(2**16) - black) / (white - black))).astype(np.uint8)
 
 
 def srgb_tone(linear: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -139,11 +144,12 @@ def jpeg(picture: NDArray[np.uint8], quality: int, data: ExposureData) -> bytes:
     return plain[:2] + b"\xff\xe1" + (len(block) + 2).to_bytes(2, "big") + block + plain[2:]
 
 
-def thumbnail(picture: NDArray[np.uint8]) -> bytes:
-    """A JPEG of 160 × 120 pixels without EXIF."""
+def thumbnail(mosaic: Words, black: int, white: int) -> bytes:
+    """A grey JPEG of 160 × 120 pixels, made of half the green ones, without EXIF."""
     import cv2
 
-    _, encoded = cv2.imencode(".jpg", cv2.resize(picture, (160, 120), interpolation=cv2.INTER_AREA))
+    small = cv2.resize(_curve(black, white)[mosaic[0::2, 1::2]], (160, 120), interpolation=cv2.INTER_AREA)
+    _, encoded = cv2.imencode(".jpg", small)
     return encoded.tobytes()
 
 

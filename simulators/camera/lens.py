@@ -84,13 +84,22 @@ def view(lens: FisheyeLens, width: int, height: int) -> View:
     half_field = np.radians(lens.field_deg / 2.0)
     theta = half_field * _share(lens, r)
     turn = np.arctan2(x[inside], y[inside]) - np.radians(lens.rotation_deg)  # clockwise from north as seen: C
-    towards = np.stack([-np.sin(theta) * np.sin(turn), np.sin(theta) * np.cos(turn), np.cos(theta)], axis=-1)
+    sine = np.sin(theta)
+    towards = np.stack([-sine * np.sin(turn), sine * np.cos(turn), np.cos(theta)]).T  # each coordinate contiguous
     transmission = np.ones_like(r)
     for k, coefficient in enumerate(lens.vignetting):
         transmission += coefficient * r ** (2 * k + 2)
     slope = half_field * (_share(lens, r + 1e-6) - _share(lens, r - 1e-6)) / 2e-6
-    solid_angle = np.sin(theta) * slope / r / radius**2
+    solid_angle = sine * slope / r / radius**2
     return View(inside, towards, np.clip(transmission, 0.0, None), solid_angle, lens.field_deg / 2.0 / radius)
+
+
+def along(towards: Floats, axis: Floats) -> Floats:
+    """Scalar product of each direction (n, 3) with an axis (3,): faster here than through a threaded BLAS."""
+    product: Floats = towards[:, 0] * axis[0]
+    product += towards[:, 1] * axis[1]
+    product += towards[:, 2] * axis[2]
+    return product
 
 
 def _share(lens: FisheyeLens, relative_radius: Floats) -> Floats:

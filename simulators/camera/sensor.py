@@ -39,11 +39,12 @@ class Sensor:
         well = self.full_well * 100.0 / iso
         saturating = saturation_luminance(seconds, f_number, iso)
         electrons = np.minimum(luminance * (well / saturating), 4.0 * well).astype(np.float32)
-        electrons += np.sqrt(electrons + np.float32(self.read_noise**2)) * noise.standard_normal(
-            luminance.shape, dtype=np.float32
-        )
-        numbers = np.rint(self.black + electrons * np.float32((self.white - self.black) / well))
-        exposed: Words = np.clip(numbers, 0, self.white).astype(np.uint16)
+        scatter = noise.standard_normal(luminance.shape, dtype=np.float32)
+        scatter *= np.sqrt(electrons + np.float32(self.read_noise**2))
+        electrons += scatter
+        electrons *= np.float32((self.white - self.black) / well)
+        electrons += np.float32(self.black + 0.5)  # conversion to integers truncates
+        exposed: Words = np.clip(electrons, 0, self.white, out=electrons).astype(np.uint16)
         return exposed
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from labdaq import directions
+from simulators.camera.lens import along
 from simulators.world.observed import SunSeen
 
 Floats = NDArray[np.float64]
@@ -40,8 +41,8 @@ class ShadingDisc:
         centre = directions.sky_vector(altitude, azimuth)
         ahead = directions.sky_vector(0.0, azimuth)
         aside = directions.sky_vector(0.0, azimuth + 90.0)
-        on_disc = towards @ centre > np.cos(np.radians(self.half_angle_deg))
-        in_plane = np.abs(towards @ aside) < np.sin(np.radians(self.arm_width_deg / 2.0))
-        below = towards[:, 2] < np.sin(np.radians(altitude))
-        hidden: NDArray[np.bool_] = on_disc | (in_plane & below & (towards @ ahead > 0))
+        hidden: NDArray[np.bool_] = along(towards, centre) > np.cos(np.radians(self.half_angle_deg))
+        in_plane = np.flatnonzero(np.abs(along(towards, aside)) < np.sin(np.radians(self.arm_width_deg / 2.0)))
+        strip = towards[in_plane]
+        hidden[in_plane] |= (strip[:, 2] < np.sin(np.radians(altitude))) & (along(strip, ahead) > 0)
         return hidden

@@ -92,4 +92,5 @@ class SensorChain:
     def volts(self, illuminance_lx: Floats) -> Floats:
         """Output of the amplifiers without noise [V, (n,)]."""
         volts = illuminance_lx * self.sensitivity_v_per_lx + np.asarray(self.offset_v)
-        return np.clip(volts, -self.rail_v, self.rail_v)
+        limited: Floats = np.clip(volts, -self.rail_v, self.rail_v)
+        return limited
