@@ -121,11 +121,12 @@ class Place:
 
 
 class DeviceError(LabdaqError):
-    """An instrument failed; carries where it is and the last exchange with it."""
+    """An instrument failed; carries what happened, where it is and the last exchange with it."""
 
     exit_code = 69
 
     def __init__(self, message: str, *, place: Place, exchange: Exchange | None = None, hint: str = "") -> None:
+        self.what = message
         self.place = place
         self.exchange = exchange or Exchange()
         text = f"{place}: {message}"
