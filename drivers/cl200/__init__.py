@@ -1,0 +1,5 @@
+"""The Konica Minolta CL-200 and CL-200A chroma meters, with one or several heads."""
+
+from drivers.cl200.meter import LINE, ChromaMeter, ChromaMeterOptions, Head
+
+__all__ = ["LINE", "ChromaMeter", "ChromaMeterOptions", "Head"]
