@@ -7,6 +7,7 @@ connection, memory) it cannot tell. Transports do not know the time: the driver 
 
 import asyncio
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Final, Protocol
 
 from labdaq.errors import ConnectError, Exchange, Place, ProtocolError
@@ -46,6 +47,13 @@ class Transport(Protocol):
 
     async def read_exactly(self, count: int) -> bytes:
         """Return the next ``count`` bytes; raises `ConnectError` when the line is gone before."""
+        ...
+
+    async def read_frame(self, head: int, length_of: Callable[[bytes], int]) -> bytes:
+        """Return one frame whose whole length ``length_of`` tells from its first ``head`` bytes.
+
+        Nothing is taken from the line before all of it is there, nor when ``length_of`` raises.
+        """
         ...
 
     async def drain_input(self) -> bytes:
@@ -116,6 +124,12 @@ class BufferedTransport(ABC):
         while len(self._buffer) < count:
             await self._more()
         return self._take(count)
+
+    async def read_frame(self, head: int, length_of: Callable[[bytes], int]) -> bytes:
+        """Return one frame whose whole length ``length_of`` tells from its first ``head`` bytes."""
+        while len(self._buffer) < head:
+            await self._more()
+        return await self.read_exactly(length_of(bytes(self._buffer[:head])))
 
     async def drain_input(self) -> bytes:
         """Throw away what has been received so far, and return it."""
