@@ -167,7 +167,7 @@ class Camera:
         shutter control, its card is full, or it refuses; `DeviceTimeout` when no picture comes; `ProtocolError` for a
         picture that is cut short; `ConnectError` when it is gone.
         """
-        step = None if exposure_s is None else self._steps([exposure_s])[0]
+        step = self._steps([exposure_s])[0] if exposure_s is not None else None
         if step is not None:
             await self._set_shutter(step)
         before = frozenset(await self._session.handles())

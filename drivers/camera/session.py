@@ -17,12 +17,13 @@ from drivers.camera.datasets import (
 from drivers.camera.link import Event, Link, Reply
 from drivers.exchange import FrameError, answer_within, open_within
 from labdaq.clock import NS, Clock
-from labdaq.errors import Exchange, Place, ProtocolError, RefusedError
+from labdaq.errors import ConnectError, Exchange, Place, ProtocolError, RefusedError
 
 T = TypeVar("T")
 
 _SESSION: Final = 1
 _BUSY_PAUSE_S: Final = 0.1
+_GOODBYE_S: Final = 2.0
 _SILENT: Final = "check that the camera is on and not asleep; switch it off and on, then connect again"
 
 
@@ -45,6 +46,7 @@ class Session:
         self._timeout_s = timeout_s
         self._busy_s = busy_s
         self._transaction = 0
+        self._is_open = False
 
     @property
     def place(self) -> Place:
@@ -67,11 +69,14 @@ class Session:
             self._transaction = -1
             reply = await self._transact(Operation.OPEN_SESSION, (_SESSION,))
         self._expect_ok(reply, Operation.OPEN_SESSION, (_SESSION,))
+        self._is_open = True
 
     async def aclose(self) -> None:
         """Close the session if the camera still listens, and disconnect."""
+        was_open, self._is_open = self._is_open, False
         try:
-            await self._transact(Operation.CLOSE_SESSION, ())
+            if was_open:
+                await self._transact(Operation.CLOSE_SESSION, (), timeout_s=_GOODBYE_S)
         finally:
             await self._link.aclose()
 
@@ -86,6 +91,8 @@ class Session:
 
         Raises `RefusedError` for every other response than OK, `DeviceTimeout`, `ProtocolError`, `ConnectError`.
         """
+        if not self._is_open:
+            raise ConnectError("the camera is not connected", place=self.place, hint="connect first")
         began_ns = self._clock.mono_ns()
         while True:
             reply = await self._transact(operation, parameters, data, timeout_s)

@@ -246,6 +246,7 @@ class UsbPtp:
             raise self._cannot(f"{len(found)} cameras are there ({ids})", "say which in the station file")
         device, interface = found[0]
         number = interface.bInterfaceNumber
+        _configure(device, device[interface.configuration].bConfigurationValue)
         if device.is_kernel_driver_active(number):
             device.detach_kernel_driver(number)
         usb.util.claim_interface(device, number)
@@ -310,20 +311,23 @@ class UsbPtp:
 
 
 def _ptp_interface(device: Any) -> Any:
-    """Return the PTP interface of a device, or ``None``; configures a device that nobody has."""
-    try:
-        configuration = device.get_active_configuration()
-    except usb.core.USBError:
-        try:
-            device.set_configuration()
-            configuration = device.get_active_configuration()
-        except usb.core.USBError:
-            return None
-    for interface in configuration:
-        kind = (interface.bInterfaceClass, interface.bInterfaceSubClass, interface.bInterfaceProtocol)
-        if kind == _STILL_IMAGE:
-            return interface
+    """Return the PTP interface of a device, or ``None``; reads descriptors only, which needs no rights."""
+    for configuration in device:
+        for interface in configuration:
+            kind = (interface.bInterfaceClass, interface.bInterfaceSubClass, interface.bInterfaceProtocol)
+            if kind == _STILL_IMAGE:
+                return interface
     return None
+
+
+def _configure(device: Any, value: int) -> None:
+    """Choose the configuration, unless the system has done so already (choosing again would reset the device)."""
+    try:
+        device.get_active_configuration()
+    except usb.core.USBError as error:
+        if error.errno is not None:
+            raise
+        device.set_configuration(value)
 
 
 def _endpoint(interface: Any, direction: int, kind: int) -> Any:

@@ -107,7 +107,7 @@ def test_a_wish_finds_its_step() -> None:
     assert nearest(steps, 0.00025).raw == 2
     assert nearest(steps, 1 / 15).raw == 662
     assert nearest(steps, 0.0667).raw == 662
-    with pytest.raises(ConfigError, match="no exposure time of 0.0002 s") as caught:
+    with pytest.raises(ConfigError, match=r"no exposure time of 0\.0002 s") as caught:
         nearest(steps, 0.0002)  # what the camera's number seems to say
     assert "1/4000 s" in caught.value.hint and "8 s" in caught.value.hint
 
