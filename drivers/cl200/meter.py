@@ -1,8 +1,6 @@
 """The driver of the CL-200: all heads measure at one trigger, then each is read."""
 
-import math
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from drivers.cl200.codec import (
     BROADCAST,
@@ -18,26 +16,23 @@ from drivers.cl200.codec import (
     Number,
     complaint_of,
     decode,
-    decode_block,
     encode,
     error_of,
-    long_data,
 )
+from drivers.cl200.options import ChromaMeterOptions, Head
+from drivers.cl200.readings import Answer, Taken, colour_readings, instrument_of, temperature_reading, values_of
 from drivers.exchange import FrameError, Span, answer_within, open_within, span
 from drivers.serial_port import SerialSettings
 from drivers.transport import Transport
 from labdaq.clock import NS, Clock
 from labdaq.errors import (
-    ConfigError,
     ConnectError,
     DeviceTimeout,
     Exchange,
-    Problems,
     ProtocolError,
     RefusedError,
 )
-from labdaq.reading import Flag, Instrument, Reading
-from labdaq.units import Quantity, Unit
+from labdaq.reading import Instrument, Reading
 
 LINE: Final = SerialSettings(9600, 7, "E", 1)
 """The meter's fixed serial settings."""
@@ -52,87 +47,11 @@ LONGEST_LINE: Final = 128
 _CONNECT_HINT: Final = (
     "switch the meter on, wait until CAL leaves the display, check the cable (9600 7E1) and the numbers on the heads"
 )
-_REMEASURE: Final = frozenset({Complaint.OUT_OF_RANGE, Complaint.RANGE_UNKNOWN})
+REMEASURE: Final = frozenset({Complaint.OUT_OF_RANGE, Complaint.RANGE_UNKNOWN})
 _BROKEN_HEAD: Final[dict[Complaint, str]] = {
     Complaint.HEAD_POWER: "switch the meter off and on, then connect again",
     Complaint.EEPROM: "switch the meter off and on; if it comes back, the head needs service",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Head:
-    """One receptor head.
-
-    Attributes
-    ----------
-    number
-        As set on its rotary switches, 0 to 29; 0 for a head plugged straight into the body.
-    channel
-        Name of its readings: the illuminance has it, chromaticity and colour temperature add ``.x``, ``.y``, ``.tcp``.
-    serial, calibration
-        Declared, since the protocol has no word for them.
-    """
-
-    number: int = 0
-    channel: str = "illuminance"
-    serial: str = ""
-    calibration: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ChromaMeterOptions:
-    """What the station file says about a chroma meter.
-
-    Attributes
-    ----------
-    heads
-        Its heads, each with a different number.
-    model, serial, firmware
-        Declared, since the protocol has no word for them.
-    colour_temperature
-        Read the correlated colour temperature as well.
-    timeout_s
-        Longest wait for a reply [s]; its frame takes 0.05 s on the wire.
-    resends
-        How often a question is asked again when its answer is void or missing. A trigger is never sent again so.
-    retriggers
-        How often a new measurement is made when a head changes its range.
-    limit_relative, limit_digits, limit_xy
-        The maker's limits of error, see `ChromaMeter.measure`.
-    """
-
-    heads: tuple[Head, ...] = (Head(),)
-    model: str = "CL-200A"
-    serial: str = ""
-    firmware: str = ""
-    colour_temperature: bool = False
-    timeout_s: float = 2.0
-    resends: int = 2
-    retriggers: int = 3
-    limit_relative: float = 0.02
-    limit_digits: int = 1
-    limit_xy: float = 0.002
-
-    def __post_init__(self) -> None:
-        problems = Problems("chroma meter")
-        numbers = [head.number for head in self.heads]
-        if not numbers:
-            problems.add("heads", "there must be at least one")
-        for number in sorted(set(numbers)):
-            if not 0 <= number <= 29:
-                problems.add("heads", f"number {number} is not one of a rotary switch, 0 to 29")
-            if numbers.count(number) > 1:
-                problems.add("heads", f"number {number} is given twice")
-        problems.raise_if_any(ConfigError)
-
-
-class Answer(NamedTuple):
-    """A frame that a head sent, the question and the answer as bytes, and whether it had to be asked for again."""
-
-    frame: Frame
-    sent: bytes
-    raw: bytes
-    retried: bool
 
 
 class ChromaMeter:
@@ -161,18 +80,7 @@ class ChromaMeter:
 
     def identity(self) -> Instrument:
         """Who it is, as declared."""
-        return self._instrument(self.options.heads[0])
-
-    def _instrument(self, head: Head) -> Instrument:
-        o = self.options
-        return Instrument(
-            name=self._name,
-            model=o.model,
-            serial="/".join(filter(None, (o.serial, head.serial))),
-            firmware=o.firmware,
-            port=self._line.place.port,
-            calibration=head.calibration,
-        )
+        return instrument_of(self._name, self._line.place.port, self.options, self.options.heads[0])
 
     async def connect(self) -> None:
         """Open the line and bring meter and heads under control: connect, hold, external mode of each head.
@@ -216,15 +124,20 @@ class ChromaMeter:
         for _ in range(1 + self.options.retriggers):
             when = await self._trigger()
             answers = [(head, await self._ask_head(head, Command.EV_XY)) for head in self.options.heads]
-            if not any(complaint_of(answer.frame) in _REMEASURE for _, answer in answers):
+            if not any(complaint_of(answer.frame) in REMEASURE for _, answer in answers):
                 break
-        for head, answer in answers:
-            self._refuse_broken(head, error_of(answer.frame), answer)
+        else:  # perhaps it never gets well because it is broken
+            for head, answer in answers:
+                self._refuse_broken(head, error_of(answer.frame), answer)
         readings: list[Reading] = []
         for head, answer in answers:
-            readings += self._colour_readings(head, answer, when)
+            taken = Taken(
+                when, self._clock.state(), instrument_of(self._name, self._line.place.port, self.options, head)
+            )
+            readings += colour_readings(self.options, head, answer, taken)
             if self.options.colour_temperature:
-                readings.append(self._temperature_reading(head, await self._ask_head(head, Command.EV_TCP_DUV), when))
+                in_kelvin = await self._ask_head(head, Command.EV_TCP_DUV)
+                readings.append(temperature_reading(head, in_kelvin, taken))
         return readings
 
     async def read_last(self, command: Command) -> dict[int, tuple[Number | None, Number | None, Number | None]]:
@@ -235,67 +148,8 @@ class ChromaMeter:
         """
         values = {}
         for head in self.options.heads:
-            values[head.number] = _values((await self._ask_head(head, command)).frame)
+            values[head.number] = values_of((await self._ask_head(head, command)).frame)
         return values
-
-    # The readings
-
-    def _colour_readings(self, head: Head, answer: Answer, when: Span) -> list[Reading]:
-        low = complaint_of(answer.frame) is Complaint.LOW_LIGHT
-        numbers = _values(answer.frame)
-        flags = _void_flags(complaint_of(answer.frame)) + ((Flag.RETRIED,) if answer.retried else ())
-        colour_flags = flags + ((Flag.LOW_LIGHT,) if low else ())
-        o = self.options
-        u_ev = None
-        if numbers[0] is not None:
-            u_ev = (o.limit_relative * abs(numbers[0].value) + o.limit_digits * numbers[0].digit) / math.sqrt(3)
-        u_xy = None if low else o.limit_xy / math.sqrt(3)
-        rows = [
-            ("", Quantity.ILLUMINANCE, Unit.LUX, numbers[0], u_ev, flags),
-            (".x", Quantity.CHROMATICITY_X, Unit.ONE, numbers[1], u_xy, colour_flags),
-            (".y", Quantity.CHROMATICITY_Y, Unit.ONE, numbers[2], u_xy, colour_flags),
-        ]
-        return [self._reading(head, answer, when, *row) for row in rows]
-
-    def _temperature_reading(self, head: Head, answer: Answer, when: Span) -> Reading:
-        complaint = complaint_of(answer.frame)
-        flags = _void_flags(complaint)
-        if complaint is Complaint.NO_COLOUR_TEMPERATURE:
-            flags = (Flag.MISSING,)
-        number = _values(answer.frame)[1]
-        flags += ((Flag.LOW_LIGHT,) if complaint is Complaint.LOW_LIGHT else ()) + (
-            (Flag.RETRIED,) if answer.retried else ()
-        )
-        return self._reading(head, answer, when, ".tcp", Quantity.COLOUR_TEMPERATURE, Unit.KELVIN, number, None, flags)
-
-    def _reading(
-        self,
-        head: Head,
-        answer: Answer,
-        when: Span,
-        suffix: str,
-        quantity: Quantity,
-        unit: Unit,
-        number: Number | None,
-        uncertainty: float | None,
-        flags: tuple[Flag, ...],
-    ) -> Reading:
-        if number is None and not flags:
-            flags = (Flag.MISSING,)  # the head sent blanks
-        return Reading(
-            channel=head.channel + suffix,
-            quantity=quantity,
-            value=None if number is None else number.value,
-            unit=unit,
-            uncertainty=None if number is None else uncertainty,
-            utc_ns=when.utc_ns,
-            mono_ns=when.mono_ns,
-            duration_s=when.duration_s,
-            clock=self._clock.state(),
-            instrument=self._instrument(head),
-            flags=flags,
-            raw=answer.raw.hex(),
-        )
 
     # The conversation
 
@@ -385,7 +239,7 @@ class ChromaMeter:
                 raise FrameError("data where none belong")
             error_of(frame)
         else:
-            _values(frame)
+            values_of(frame)
         return frame
 
     def _refuse_broken(self, head: Head, complaint: Complaint | None, answer: Answer) -> None:
@@ -401,24 +255,3 @@ class ChromaMeter:
             exchange=Exchange(answer.sent, answer.raw),
             hint=hint,
         )
-
-
-def _values(frame: Frame) -> tuple[Number | None, Number | None, Number | None]:
-    """Return what may be used of a reply: where the status voids values, nobody knows what stands in their place."""
-    complaint = complaint_of(frame)
-    if _void_flags(complaint) or complaint in _BROKEN_HEAD:
-        return None, None, None
-    if complaint is Complaint.NO_COLOUR_TEMPERATURE and frame.command is Command.EV_TCP_DUV:
-        return decode_block(frame.data[:6]), None, None
-    return long_data(frame)
-
-
-def _void_flags(complaint: Complaint | None) -> tuple[Flag, ...]:
-    """Flags of values that must not be used; empty when they may."""
-    if complaint is Complaint.BATTERY:
-        return (Flag.LOW_BATTERY,)
-    if complaint in {Complaint.TOO_BRIGHT, Complaint.OUT_OF_RANGE}:
-        return (Flag.OVER_RANGE,)
-    if complaint is Complaint.RANGE_UNKNOWN:
-        return (Flag.MISSING,)
-    return ()

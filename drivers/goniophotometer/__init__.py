@@ -1,6 +1,7 @@
 """The goniophotometer: a motor drive and two analog modules for ten heads on one Modbus line (RTU or TCP)."""
 
 from drivers.goniophotometer.arm import Arm, ArmOptions
+from drivers.goniophotometer.codec import Framing
 from drivers.goniophotometer.goniophotometer import Goniophotometer, GoniophotometerOptions, HeadOptions, ten_heads
 from drivers.goniophotometer.line import RTU_SETTINGS, Line, LineOptions
 from drivers.goniophotometer.module import AnalogModule, ModuleOptions
@@ -10,6 +11,7 @@ __all__ = [
     "AnalogModule",
     "Arm",
     "ArmOptions",
+    "Framing",
     "Goniophotometer",
     "GoniophotometerOptions",
     "HeadOptions",
