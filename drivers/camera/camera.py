@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from drivers.camera.abilities import Abilities
-from drivers.camera.capture import Capture, Waits, take_picture
+from drivers.camera.capture import Capture, Release, Waits, listen
 from drivers.camera.codes import FLASH_OFF, MANUAL, Format, Operation, Property
 from drivers.camera.datasets import ObjectInfo, StorageInfo, Value
 from drivers.camera.exposure import Shutter, nearest
@@ -82,6 +82,7 @@ class Camera:
         self._clock = clock
         self._session = Session(link, clock, self.options.timeout_s, self.options.busy_s)
         self._abilities: Abilities | None = None
+        self._owed: Release | None = None
 
     @property
     def abilities(self) -> Abilities:
@@ -168,12 +169,11 @@ class Camera:
         picture that is cut short; `ConnectError` when it is gone.
         """
         step = self._steps([exposure_s])[0] if exposure_s is not None else None
+        await self._let_the_last_one_finish()
         if step is not None:
             await self._set_shutter(step)
         before = frozenset(await self._session.handles())
-        o = self.options
-        waits = Waits(0.0 if step is None else step.exposure_s, o.capture_s, o.grace_s, o.quiet_s)
-        capture = await take_picture(self._session, self._clock, waits, before)
+        capture = await self._take(step, before)
         unannounced = [handle for handle in await self._session.handles() if handle not in before]
         handles = dict.fromkeys((*capture.handles, *unannounced))
         photos = []
@@ -251,7 +251,29 @@ class Camera:
         if setting.current != step.raw:
             self.abilities.settings[setting.code] = await self._session.put(setting, step.raw)
 
-    # Files
+    # Captures and their files
+
+    async def _take(self, step: Shutter | None, before: frozenset[int]) -> Capture:
+        """Release and listen; while it is not known what comes of it, the release stays owed."""
+        o = self.options
+        waits = Waits(0.0 if step is None else step.exposure_s, o.capture_s, o.grace_s, o.quiet_s)
+        began_ns = self._clock.mono_ns()
+        self._owed = Release(began_ns, 0, waits)
+        try:
+            await self._session.call(Operation.INITIATE_CAPTURE, 0, 0)
+        except RefusedError:
+            self._owed = None
+            raise
+        release = Release(began_ns, self._session.transaction, waits)
+        capture = await listen(self._session, self._clock, release, before)
+        self._owed = None
+        return capture
+
+    async def _let_the_last_one_finish(self) -> None:
+        """Wait for pictures of a release that ended in an error, so that they are not taken for those of the next."""
+        if self._owed is not None:
+            await listen(self._session, self._clock, self._owed, frozenset())
+            self._owed = None
 
     async def _download(self, handle: int, capture: Capture, step: Shutter | None) -> Photo | None:
         """Fetch one object; ``None`` for a folder."""

@@ -1,9 +1,9 @@
-"""One capture: release, then listen until everything that came of it has been announced."""
+"""After a release: listen until everything that came of it has been announced."""
 
 from collections.abc import Set
 from dataclasses import dataclass
 
-from drivers.camera.codes import EventCode, Operation
+from drivers.camera.codes import EventCode
 from drivers.camera.link import Event
 from drivers.camera.session import Session
 from labdaq.clock import NS, Clock
@@ -41,14 +41,21 @@ class Capture:
     full: bool
 
 
-async def take_picture(session: Session, clock: Clock, waits: Waits, before: Set[int]) -> Capture:
-    """Release and collect the handles of new objects, in any order with the word that the capture is complete.
+@dataclass(frozen=True, slots=True)
+class Release:
+    """A release: when [ns, monotonic], by which transaction (0: unknown), and how long its pictures are waited for."""
+
+    began_ns: int
+    transaction: int
+    waits: Waits
+
+
+async def listen(session: Session, clock: Clock, release: Release, before: Set[int]) -> Capture:
+    """Collect the handles of new objects, in any order with the word that the capture is complete.
 
     ``before`` are the objects that were there: words about them are late ones. Raises what the session raises.
     """
-    began_ns = clock.mono_ns()
-    await session.call(Operation.INITIATE_CAPTURE, 0, 0)
-    released = session.transaction
+    began_ns, waits = release.began_ns, release.waits
     exposed_ns = began_ns + round(waits.exposure_s * NS)
     deadline_ns = exposed_ns + round(waits.first_s * NS)
     ended_ns: int | None = None
@@ -60,7 +67,7 @@ async def take_picture(session: Session, clock: Clock, waits: Waits, before: Set
             break
         if event.code == EventCode.OBJECT_ADDED and event.parameters and event.parameters[0] not in before:
             handles[event.parameters[0]] = None
-        elif event.code == EventCode.CAPTURE_COMPLETE and not _of_an_earlier_capture(event, released):
+        elif event.code == EventCode.CAPTURE_COMPLETE and not _of_an_earlier_capture(event, release):
             complete = True
         elif event.code == EventCode.STORE_FULL:
             full = True  # perhaps a late word too: it counts only if no picture comes
@@ -76,7 +83,7 @@ async def take_picture(session: Session, clock: Clock, waits: Waits, before: Set
     return Capture(began_ns, ended_ns or clock.mono_ns(), tuple(handles), full)
 
 
-def _of_an_earlier_capture(event: Event, released: int) -> bool:
+def _of_an_earlier_capture(event: Event, release: Release) -> bool:
     """Whether a word of completion names an earlier transaction; some cameras name none."""
     number = event.parameters[0] if event.parameters else event.transaction
-    return 0 < number < released
+    return 0 < number < release.transaction

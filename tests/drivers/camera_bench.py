@@ -70,6 +70,7 @@ class Model:
     shutters: list[int] = field(default_factory=list)
     released: int = 0
     events: list[tuple[float, int, tuple[int, ...]]] = field(default_factory=list)
+    unwritten: set[int] = field(default_factory=set)  # objects that are listed only once they are announced
     counter: int = 0x64
     refuses: dict[int, int] = field(default_factory=dict)  # operation to response code
     garbles: dict[int, bytes] = field(default_factory=dict)  # operation to data instead of the true ones
@@ -96,7 +97,7 @@ class Model:
             0x1001: lambda: (OK, self.info().encode()),
             0x1004: lambda: (OK, pack_numbers((0x00010001, 0x00020000), 4)),
             0x1005: lambda: (OK, StorageInfo(4, 3, 0, 1 << 27, 1 << 26, 123, "", "").encode()),
-            0x1007: lambda: (OK, pack_numbers(tuple(self.objects), 4)),
+            0x1007: lambda: (OK, pack_numbers(tuple(h for h in self.objects if h not in self.unwritten), 4)),
             0x1008: lambda: self.of_object(first, lambda info, _: info.encode()),
             0x1009: lambda: self.of_object(first, lambda _, body: body[: len(body) - self.loses]),
             0x100B: lambda: (OK if self.objects.pop(first, None) else 0x2009, b""),
@@ -160,6 +161,7 @@ class Model:
         for delay, code, what in self.says:
             if what.startswith("h"):
                 self.events.append((delay, code, (made[int(what[1:])],)))
+                self.unwritten.add(made[int(what[1:])])
             else:
                 self.events.append((delay, code, (int(what) if what else transaction,)))
         return OK, b""
@@ -177,6 +179,7 @@ class IpFront:
     greeting: bytes | None = None
     pongs: int = 0
     transaction: int = 0
+    telling: set[asyncio.Task[None]] = field(default_factory=set)
 
     async def commands(self, near: PipeEnd, events: PipeEnd) -> None:
         reader = near.reader
@@ -209,9 +212,15 @@ class IpFront:
                 await asyncio.sleep(delay)
                 near.write(piece)
             queued, self.model.events = self.model.events, []
-            for delay, event, values in queued:
-                await asyncio.sleep(delay)
-                events.write(struct.pack(f"<IIHI{len(values)}I", 14 + 4 * len(values), 8, event, transaction, *values))
+            telling = asyncio.create_task(self._tell(events, transaction, queued))
+            self.telling.add(telling)
+            telling.add_done_callback(self.telling.discard)
+
+    async def _tell(self, end: PipeEnd, transaction: int, queued: list[tuple[float, int, tuple[int, ...]]]) -> None:
+        for delay, event, values in queued:
+            await asyncio.sleep(delay)
+            self.model.unwritten.difference_update(values)
+            end.write(struct.pack(f"<IIHI{len(values)}I", 14 + 4 * len(values), 8, event, transaction, *values))
 
     async def listen(self, end: PipeEnd) -> None:
         await self._packet(end.reader)
@@ -402,6 +411,7 @@ class UsbFront(usb.backend.IBackend):
                 self.transfers.append(raw)
                 if raw and len(raw) % self.packet == 0:
                     self.transfers.append(b"")
+            model.unwritten.clear()
             for _, event, values in model.events:
                 self.interrupts.append(
                     struct.pack(f"<IHHI{len(values)}I", 12 + 4 * len(values), 4, event, number, *values)

@@ -412,6 +412,26 @@ def test_a_camera_that_falls_silent() -> None:
     run_virtual(main())
 
 
+def test_pictures_of_a_release_that_seemed_lost_are_not_taken_for_the_next_ones() -> None:
+    """The camera exposed, only its word about it came too late: those files have another exposure time."""
+
+    async def main() -> None:
+        model = Model(endings=("NEF", "JPG"), says=((6.0, ADDED, "h0"), (1.0, ADDED, "h1"), (0.1, COMPLETE, "")))
+        front = IpFront(model)
+        async with on_ip(model, CameraOptions(timeout_s=1.0), front=front) as (camera, _, _):
+            await camera.connect()
+            front.bend = lambda code, raw: [(1.5, raw)] if code == RELEASE else None
+            with pytest.raises(DeviceTimeout):
+                await camera.expose(4.0)
+            front.bend = lambda code, raw: None
+            photos = await camera.expose(1 / 60)
+            assert {photo.name for photo in photos} == {"DSCN0002.NEF", "DSCN0002.JPG"}
+            assert {photo.exposure_s for photo in photos} == {1 / 60}
+        assert model.shutters == [40_000, 167]
+
+    run_virtual(main())
+
+
 def test_the_late_end_of_a_transaction_is_passed_over() -> None:
     async def main() -> None:
         model = Model()

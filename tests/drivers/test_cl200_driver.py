@@ -265,6 +265,12 @@ def test_a_late_answer_to_an_earlier_measurement_is_flushed() -> None:
     run_virtual(main())
 
 
+def test_what_comes_before_the_question_is_no_answer_to_it() -> None:
+    early = Step(framed("994021  "), [(0.3, framed("00021 20+11113+38560+40400"))])
+    lux, *_ = measured([early, read()])
+    assert lux.value == 325.4
+
+
 def test_an_echoing_line_is_named() -> None:
     echo = on(framed("00541   "), framed("00541   "))
 

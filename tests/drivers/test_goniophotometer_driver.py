@@ -234,7 +234,9 @@ def test_a_short_move_that_is_over_before_the_first_look() -> None:
         options = GoniophotometerOptions(arm=ArmOptions(speed_rpm=3000))
         async with bench(table, options) as gonio:
             await gonio.connect()
+            began = now()
             assert await gonio.move_to(22.5) == 22.5
+            assert now() - began < 1.0  # half a second of settling, and no waiting for a start that was missed
 
     run_virtual(main())
 
