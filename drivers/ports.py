@@ -39,7 +39,8 @@ def camera_link(instrument: str, port: str, backend: Any = None) -> Link:
         return PtpIp(TcpTransport(instrument, host, number), TcpTransport(instrument, host, number))
     scheme, *parts = port.split(":")
     if scheme == "usb" and len(parts) in {0, 2, 3}:
-        from drivers.camera.usb import UsbOptions, UsbPtp
+        from drivers.camera.usb import UsbPtp
+        from drivers.camera.usb_device import UsbOptions
 
         try:
             vendor, product = (None if part == "*" else int(part, 16) for part in (parts or ["*", "*"])[:2])

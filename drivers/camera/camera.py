@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from drivers.camera.abilities import Abilities
@@ -11,6 +10,7 @@ from drivers.camera.codes import FLASH_OFF, MANUAL, Format, Operation, Property
 from drivers.camera.datasets import ObjectInfo, StorageInfo, Value
 from drivers.camera.exposure import Shutter, nearest
 from drivers.camera.link import Link
+from drivers.camera.options import CameraOptions
 from drivers.camera.photo import Photo
 from drivers.camera.session import Session
 from labdaq.clock import NS, Clock
@@ -18,44 +18,6 @@ from labdaq.errors import ConnectError, DeviceError, DeviceTimeout, Exchange, Pr
 from labdaq.reading import Instrument
 
 _SETTINGS: Final = tuple(Property)
-
-
-@dataclass(frozen=True, slots=True)
-class CameraOptions:
-    """What the station file says about a camera.
-
-    Attributes
-    ----------
-    serial, calibration
-        Declared; a serial number that the camera tells itself is taken first.
-    manual
-        Choose exposure program M and switch the flash off on connecting, where the camera lets us.
-    f_number, iso
-        Set these on connecting; ``None`` leaves them.
-    delete_after
-        Delete each picture in the camera after it was handed over.
-    timeout_s, transfer_s, busy_s
-        Longest wait for a reply, for a picture's data, for a busy camera [s].
-    capture_s
-        Longest wait for the first picture after the exposure's own time [s].
-    grace_s
-        Wait for further pictures after the camera said that a capture is complete [s].
-    quiet_s
-        Wait for further pictures after the last one, when it says no such thing [s].
-    """
-
-    serial: str = ""
-    calibration: str = ""
-    manual: bool = True
-    f_number: float | None = None
-    iso: int | None = None
-    delete_after: bool = False
-    timeout_s: float = 10.0
-    transfer_s: float = 120.0
-    busy_s: float = 20.0
-    capture_s: float = 30.0
-    grace_s: float = 0.5
-    quiet_s: float = 2.0
 
 
 class Camera:

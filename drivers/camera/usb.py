@@ -6,15 +6,16 @@ user at a time.
 
 import asyncio
 import errno
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import usb.core
-import usb.util
 
 from drivers.camera.containers import Container, ContainerReader, Kind, command
 from drivers.camera.link import Event, Reply
+from drivers.camera.usb_device import UsbCamera, UsbOptions, find_and_claim, give_back
 from drivers.exchange import FrameError
 from labdaq.errors import ConnectError, DeviceError, DeviceTimeout, Exchange, Place, ProtocolError
 
@@ -24,40 +25,7 @@ _SLICE_MS: Final = 250
 _WRITE_MS: Final = 5_000
 _READ_SIZE: Final = 1 << 18
 """Bytes asked for at once; a multiple of every packet size."""
-_STILL_IMAGE: Final = (6, 1, 1)
-"""Class, subclass and protocol of a PTP interface."""
-
 _IN_USE: Final = "end other programs that hold the camera (a desktop may have mounted it: `gio mount -l`)"
-
-
-@dataclass(frozen=True, slots=True)
-class UsbOptions:
-    """Which camera is meant, if there are several.
-
-    Attributes
-    ----------
-    vendor_id, product_id
-        As `lsusb` shows them, e.g. 0x04B0 and 0x010D for a Coolpix 5700.
-    serial
-        Serial number in its USB descriptor.
-    """
-
-    vendor_id: int | None = None
-    product_id: int | None = None
-    serial: str = ""
-
-    def __str__(self) -> str:
-        parts = [f"{number:04x}" if number is not None else "*" for number in (self.vendor_id, self.product_id)]
-        return f"usb:{':'.join(parts)}" + (f":{self.serial}" if self.serial else "")
-
-
-@dataclass(slots=True)
-class _Opened:
-    device: Any
-    interface: int
-    bulk_in: Any
-    bulk_out: Any
-    interrupt: Any
 
 
 class UsbPtp:
@@ -77,7 +45,8 @@ class UsbPtp:
         self._options = options or UsbOptions()
         self._backend = backend
         self._place = Place(name, str(self._options))
-        self._opened: _Opened | None = None
+        self._opened: UsbCamera | None = None
+        self._lost: UsbCamera | None = None  # failed, and not yet given back to the system
         self._bulk = ContainerReader()
         self._interrupt = ContainerReader()
         self._containers: list[Container] = []
@@ -96,16 +65,25 @@ class UsbPtp:
     async def open(self) -> None:
         """Find the camera and claim it."""
         if self._opened is None:
-            self._opened = await self._in_thread(self._find_and_claim)
+            await self._give_back_lost()
+            find = partial(find_and_claim, self._options, self._place, self._backend)
+            self._opened = await self._in_thread(find, keep=give_back)
             self._bulk, self._interrupt = ContainerReader(), ContainerReader()
             self._containers.clear()
             self._events.clear()
 
     async def aclose(self) -> None:
         """Give the camera back."""
+        await self._give_back_lost()
         opened, self._opened = self._opened, None
         if opened is not None:
-            await self._in_thread(lambda: usb.util.dispose_resources(opened.device))
+            await self._in_thread(partial(give_back, opened))
+
+    async def _give_back_lost(self) -> None:
+        lost, self._lost = self._lost, None
+        if lost is not None:
+            with suppress(ConnectError):  # it may be unplugged
+                await self._in_thread(partial(give_back, lost))
 
     async def transact(
         self, code: int, transaction: int, parameters: tuple[int, ...], data: bytes | None = None
@@ -195,7 +173,7 @@ class UsbPtp:
 
     async def _unstalled(
         self,
-        opened: _Opened,
+        opened: UsbCamera,
         endpoint: Any,
         call: "Callable[[], T]",
         keep: "Callable[[T], None] | None" = None,
@@ -233,53 +211,9 @@ class UsbPtp:
         except usb.core.USBError as error:
             raise self._failed(error) from error
 
-    # Finding it
-
-    def _find_and_claim(self) -> _Opened:
-        found = list(self._candidates())
-        if not found:
-            raise self._cannot(
-                "no such camera is there", "switch it on, set its USB mode to PTP, check the cable (`lsusb`)"
-            )
-        if len(found) > 1:
-            ids = ", ".join(f"{device.idVendor:04x}:{device.idProduct:04x}" for device, _ in found)
-            raise self._cannot(f"{len(found)} cameras are there ({ids})", "say which in the station file")
-        device, interface = found[0]
-        number = interface.bInterfaceNumber
-        _configure(device, device[interface.configuration].bConfigurationValue)
-        if device.is_kernel_driver_active(number):
-            device.detach_kernel_driver(number)
-        usb.util.claim_interface(device, number)
-        ends = [
-            _endpoint(interface, usb.util.ENDPOINT_IN, usb.util.ENDPOINT_TYPE_BULK),
-            _endpoint(interface, usb.util.ENDPOINT_OUT, usb.util.ENDPOINT_TYPE_BULK),
-            _endpoint(interface, usb.util.ENDPOINT_IN, usb.util.ENDPOINT_TYPE_INTR),
-        ]
-        if None in ends:
-            raise self._cannot("its PTP interface lacks an endpoint", "this device is not suited")
-        return _Opened(device, number, *ends)
-
-    def _candidates(self) -> Iterator[tuple[Any, Any]]:
-        o = self._options
-        wanted = {"idVendor": o.vendor_id, "idProduct": o.product_id}
-        try:
-            devices = usb.core.find(
-                find_all=True,
-                backend=self._backend,
-                **{key: value for key, value in wanted.items() if value is not None},
-            )
-        except usb.core.NoBackendError as error:
-            raise self._cannot(
-                "there is no USB library", "install libusb (Debian: apt install libusb-1.0-0)"
-            ) from error
-        for device in devices or ():
-            interface = _ptp_interface(device)
-            if interface is not None and (not o.serial or device.serial_number == o.serial):
-                yield device, interface
-
     # Errors
 
-    def _have(self) -> _Opened:
+    def _have(self) -> UsbCamera:
         if self._opened is None:
             raise self._cannot("the camera is not connected", "connect again")
         return self._opened
@@ -293,7 +227,7 @@ class UsbPtp:
             return self._cannot("another program holds the camera", _IN_USE)
         if error.errno == errno.EPIPE:
             return self._broken(FrameError("the endpoint stays stalled"), b"", b"")
-        self._opened = None
+        self._lost, self._opened = self._opened, None
         return self._cannot(
             f"the camera is gone ({error.strerror or error})", "check cable and power, then connect again"
         )
@@ -308,34 +242,3 @@ class UsbPtp:
             exchange=Exchange(sent, received[:256]),
             hint="switch the camera off and on, then connect again",
         )
-
-
-def _ptp_interface(device: Any) -> Any:
-    """Return the PTP interface of a device, or ``None``; reads descriptors only, which needs no rights."""
-    for configuration in device:
-        for interface in configuration:
-            kind = (interface.bInterfaceClass, interface.bInterfaceSubClass, interface.bInterfaceProtocol)
-            if kind == _STILL_IMAGE:
-                return interface
-    return None
-
-
-def _configure(device: Any, value: int) -> None:
-    """Choose the configuration, unless the system has done so already (choosing again would reset the device)."""
-    try:
-        device.get_active_configuration()
-    except usb.core.USBError as error:
-        if error.errno is not None:
-            raise
-        device.set_configuration(value)
-
-
-def _endpoint(interface: Any, direction: int, kind: int) -> Any:
-    """Return the endpoint of a direction and type, whatever its number."""
-    return usb.util.find_descriptor(
-        interface,
-        custom_match=lambda end: (
-            usb.util.endpoint_direction(end.bEndpointAddress) == direction
-            and usb.util.endpoint_type(end.bmAttributes) == kind
-        ),
-    )

@@ -3,6 +3,7 @@
 import asyncio
 import errno
 from collections.abc import Coroutine
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import pytest
@@ -231,7 +232,7 @@ def test_unplugged_in_a_bracket_and_connected_again() -> None:
     async def main() -> None:
         model = Model()
         front = UsbFront(model)
-        driver = camera(front)
+        driver = camera(front, settings=replace(QUICK, capture_s=0.5))
         await driver.connect()
         await driver.expose(1 / 60)
         front.fails["interrupt"] = [usb.core.USBError("gone", -4, errno.ENODEV)]
@@ -276,6 +277,13 @@ def test_which_camera() -> None:
             await camera(UsbFront()).connect()
 
     run(main())
+
+
+def test_a_device_without_all_endpoints() -> None:
+    front = UsbFront(Model(), ends=(0x81, 0x02, 0x03))  # an interrupt endpoint that leads out
+    with pytest.raises(ConnectError, match="lacks an endpoint"):
+        run(camera(front).connect())
+    assert front.claimed == []
 
 
 def test_an_unconfigured_device_is_configured() -> None:

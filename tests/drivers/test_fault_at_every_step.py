@@ -111,11 +111,9 @@ async def read_luminance_twice(line: PipeTransport, asked: list[bytes]) -> None:
             assert (await driver.read()).value == 125.3
 
 
-@pytest.mark.parametrize(("at", "name"), steps(5))
+# A flipped bit in the number cannot be seen: this meter has no check sum.
+@pytest.mark.parametrize(("at", "name"), [(at, name) for at, name in steps(5) if name != "a bit flipped" or at < 3])
 def test_luminance_meter(at: int, name: str) -> None:
-    # A flipped bit in the number cannot be seen: this meter has no check sum. Here it falls on the last digit.
-    if name == "a bit flipped" and at >= 3:
-        pytest.skip("no check sum: a valid digit becomes another")
     run_virtual(on_lines(luminance_meter, at, FAULTS[name], read_luminance_twice))
 
 
