@@ -92,7 +92,7 @@ class SerialTransport(DescriptorTransport):
                 write_timeout=0,
                 exclusive=True,
             )
-            _check_parity(self._port.fileno())
+            _complete_settings(self._port.fileno())
         except (OSError, ValueError, termios.error) as error:
             self._release()
             raise self._cannot_open(error) from error
@@ -129,8 +129,13 @@ class SerialTransport(DescriptorTransport):
         return ConnectError(why, place=self.place, hint=hint)
 
 
-def _check_parity(descriptor: int) -> None:
-    """Have the kernel check parity: pyserial asks for generating it only. Called once, right after opening."""
+def _complete_settings(descriptor: int) -> None:
+    """Set what pyserial leaves out; called once, right after opening.
+
+    The kernel shall check parity, not only generate it. And reading an idle line shall say that there is nothing
+    yet: with pyserial's VMIN = 0 it returns no bytes, which looks as if the line were gone.
+    """
     attributes = termios.tcgetattr(descriptor)
     attributes[0] = (attributes[0] | termios.INPCK) & ~(termios.IGNPAR | termios.PARMRK)
+    attributes[6][termios.VMIN] = 1
     termios.tcsetattr(descriptor, termios.TCSANOW, attributes)

@@ -318,6 +318,19 @@ def test_speed_stop_bits_and_parity_check_arrive(terminal: tuple[int, str]) -> N
     asyncio.run(main())
 
 
+def test_an_idle_port_is_not_taken_for_a_closed_one(terminal: tuple[int, str]) -> None:
+    _, port = terminal
+
+    async def main() -> None:
+        line = SerialTransport("meter", port, ls110.LINE)
+        await line.open()
+        with pytest.raises(BlockingIOError):
+            line._read_now()
+        await line.aclose()
+
+    asyncio.run(main())
+
+
 def test_a_port_has_one_owner(terminal: tuple[int, str]) -> None:
     _, port = terminal
 
