@@ -144,6 +144,8 @@ def decode_rtu(request: Request, frame: bytes) -> Answer:
     used, _, _, payload = _framer(Framing.RTU).decode(frame)
     if used != len(frame) or not payload:
         raise FrameError("wrong check sum")
+    if len(payload) != len(frame) - 3:  # the framer is content with a shorter frame and something behind it
+        raise FrameError(f"an answer of {len(payload)} bytes in a frame for {len(frame) - 3}")
     return _answer(request, payload)
 
 

@@ -170,6 +170,17 @@ def test_answers_survive_the_wire(request_: Request, data: st.DataObject) -> Non
         decode_rtu(request_, frame[:at])
 
 
+@given(st.integers(1, 60), st.integers(1, 60), st.binary(min_size=0, max_size=130))
+def test_an_answer_to_another_count_is_no_answer(wanted: int, came: int, behind: bytes) -> None:
+    """A late answer of another length, with the beginning of the true one behind it: each has a sound check sum."""
+    request = Request(1, HOLDING, 0x1014, wanted)
+    body = answered(Request(1, HOLDING, 0x1003, came), [7] * came)
+    stream = (body + crc(body) + behind)[: 5 + 2 * wanted]
+    if came != wanted and len(stream) == 5 + 2 * wanted:
+        with pytest.raises(FrameError):
+            decode_rtu(request, stream)
+
+
 @given(requests, st.integers(1, 11))
 def test_exceptions_survive_the_wire(request_: Request, code: int) -> None:
     body = bytes([request_.unit, request_.function | 0x80, code])

@@ -72,6 +72,25 @@ def test_a_late_answer_that_dribbles_in_at_the_last_moment() -> None:
     run_virtual(main())
 
 
+def test_an_answer_later_than_any_should_be_is_told_by_its_length() -> None:
+    """Nothing in RTU protects from it but that questions of different purpose have answers of different length."""
+
+    async def main() -> None:
+        position = frame("01 03 1014 0002")
+        late = Step(read(0x1003), [(4.0, value(0x32))])
+        true = on(position, frame("01 03 04 ffff fd8f"))
+        async with far_end(late, true, true) as (end, _):
+            master = line(end, LineOptions(read_retries=0))
+            with pytest.raises(DeviceTimeout):
+                await master.read_words(1, 0x1003, 1)
+            await asyncio.sleep(2.9)  # the late answer comes while the position is asked for
+            with pytest.raises(ProtocolError, match="in a frame for 6"):
+                await master.read_words(1, 0x1014, 2)
+            assert await master.read_words(1, 0x1014, 2) == (0xFFFF, 0xFD8F)
+
+    run_virtual(main())
+
+
 def test_a_question_given_up_leaves_the_line_quiet() -> None:
     async def main() -> None:
         late = Step(read(100), [(0.7, value(0xBAD))])
