@@ -100,6 +100,7 @@ class Line:
         self._lock = asyncio.Lock()
         self._transaction = 0
         self._quiet_until_ns = 0
+        self._suspect = False  # the last question was given up: answers may be out of step
 
     @property
     def clock(self) -> Clock:
@@ -185,11 +186,16 @@ class Line:
             except FrameError as error:
                 raise self._damaged(request, error, exchange) from error
         except BaseException as error:
+            self._suspect = True
             self._distrust(began_ns)
             if isinstance(error, DeviceError):
                 raise self._at_unit(error, request) from error
             raise
-        self._keep_gap()
+        if self._suspect:  # was this the late answer to the question before? then its own is still to come
+            self._distrust(began_ns)
+            self._suspect = False
+        else:
+            self._keep_gap()
         return answer, exchange
 
     async def _receive(self, request: Request, sent: bytes) -> bytes:
@@ -238,7 +244,7 @@ class Line:
         for _ in range(_PATIENCE):
             if not (received := await self._transport.drain_input()):
                 return
-            await self._clock.sleep(_LONGEST_FRAME * self.options.settings.character_s)  # let it talk itself out
+            await self._clock.sleep(self._longest_s)  # let it talk itself out, and be silent for as long
         raise ProtocolError(
             "the line does not become silent",
             place=self._transport.place,
@@ -246,11 +252,15 @@ class Line:
             hint="find the device or second master that talks without being asked",
         )
 
+    @property
+    def _longest_s(self) -> float:
+        """Time from a question to the end of the latest and longest answer [s]."""
+        return self.options.worst_reply_s + _LONGEST_FRAME * self.options.settings.character_s
+
     def _distrust(self, asked_ns: int) -> None:
         """Keep quiet until the slowest device would have ended its answer to a question of ``asked_ns``."""
         if self._is_rtu:
-            longest_s = self.options.worst_reply_s + _LONGEST_FRAME * self.options.settings.character_s
-            self._quiet_until_ns = asked_ns + round(longest_s * NS)
+            self._quiet_until_ns = asked_ns + round(self._longest_s * NS)
 
     def _keep_gap(self) -> None:
         """RTU frames are 3.5 characters apart, at least 1.75 ms (Modbus over serial line V1.02, 2.5.1.1)."""

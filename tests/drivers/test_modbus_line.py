@@ -91,6 +91,35 @@ def test_an_answer_later_than_any_should_be_is_told_by_its_length() -> None:
     run_virtual(main())
 
 
+def test_a_line_that_fell_out_of_step_finds_back() -> None:
+    """The first answer comes when the question has been asked again: its second one must not become the next one."""
+
+    async def main() -> None:
+        steps = [
+            Step(read(1), [(3.0, value(1))]),
+            Step(read(1), [(1.0, value(1))]),
+            on(read(2), value(2)),
+            on(read(3), value(3)),
+        ]
+        async with far_end(*steps) as (end, _):
+            master = line(end)
+            assert [await master.read_words(1, n, 1) for n in (1, 2, 3)] == [(1,), (2,), (3,)]
+
+    run_virtual(main())
+
+
+def test_unasked_bytes_are_thrown_away_with_what_follows_them() -> None:
+    async def main() -> None:
+        async with far_end(on(read(1), value(1)), on(read(2), value(2))) as (end, player):
+            master = line(end)
+            await master.read_words(1, 1, 1)
+            player.end.write(value(0xBAD)[:3])
+            asyncio.get_running_loop().call_later(1.5, player.end.write, value(0xBAD)[3:] + value(0xBAD))
+            assert await master.read_words(1, 2, 1) == (2,)
+
+    run_virtual(main())
+
+
 def test_a_question_given_up_leaves_the_line_quiet() -> None:
     async def main() -> None:
         late = Step(read(100), [(0.7, value(0xBAD))])
@@ -231,7 +260,7 @@ def test_a_line_that_is_never_silent() -> None:
             async def babble() -> None:
                 while True:
                     player.end.write(b"\x55")
-                    await asyncio.sleep(0.05)
+                    await asyncio.sleep(1.0)
 
             babbling = asyncio.create_task(babble())
             await asyncio.sleep(0.01)
