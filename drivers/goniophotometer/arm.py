@@ -7,7 +7,7 @@ before.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntFlag
@@ -185,8 +185,7 @@ class Arm:
         if Status.HOMED in status:
             return
         self.sent_to = None
-        before = await self.position()
-        await self._guarded(lambda: self._home(before))
+        await self._guarded(self._home(await self.position()))
 
     async def move_to(self, c_deg: float) -> float:
         """Turn to a C angle [deg, 0 to 360], settle, and return where the feedback says the arm is [deg].
@@ -207,8 +206,9 @@ class Arm:
             self.sent_to = None
             below = target - o.backlash_counts
             if o.backlash_counts and at > below + o.tolerance_counts:
-                at = await self._guarded(lambda: self._go(at, below))
-            await self._guarded(lambda: self._go(at, target))
+                await self._guarded(self._go(at, below))
+                at = await self.position()
+            await self._guarded(self._go(at, target))
             await self._clock.sleep(o.settle_s)
             at = await self.position()
         if abs(at - target) > o.limit_counts:
@@ -221,10 +221,10 @@ class Arm:
 
     # One motion
 
-    async def _guarded(self, motion: "Callable[[], Awaitable[int]]") -> int:
+    async def _guarded(self, motion: Awaitable[None]) -> None:
         """Run a motion; whatever ends it early (also a cancelled task) stops the arm."""
         try:
-            return await motion()
+            await motion
         except (DeviceError, asyncio.CancelledError) as error:
             try:
                 await self.stop()
@@ -234,39 +234,40 @@ class Arm:
                     error.add_note(str(unheard))
             raise
 
-    async def _home(self, before: int) -> int:
-        began_ns = self._clock.mono_ns()
+    async def _home(self, before: int) -> None:
         await self._send_once(self._line.write_word(self.options.unit, _TRIGGER, _HOME), before, None)
+        began_ns = self._clock.mono_ns()
         while True:
+            waited_s = self._since_s(began_ns)
             status = await self.status()
             await self._refuse_fault(status)
             if Status.HOMED in status and Status.RUNNING not in status:
-                return await self.position()
-            self._within(self.options.home_s, began_ns, f"the arm found no reference position (status {status:#06x})")
+                return
+            self._within(self.options.home_s, waited_s, f"the arm found no reference position (status {status:#06x})")
             await self._clock.sleep(self.options.poll_s)
 
-    async def _go(self, before: int, target: int) -> int:
-        """Send one block, wait until the drive has moved and is done; return the position."""
+    async def _go(self, before: int, target: int) -> None:
+        """Send one block and wait until the drive has moved and is done."""
         o = self.options
         block = [_ABSOLUTE, *words_of(target), o.speed_rpm, o.ramp_ms, o.ramp_ms, 0, _RUN_PATH_0]
-        began_ns = self._clock.mono_ns()
         await self._send_once(self._line.write_words(o.unit, _PATH_0, block), before, target)
+        began_ns = self._clock.mono_ns()
         longest_s = o.margin_s + self._duration_s(target - before)
         moved = False
         while True:
+            waited_s = self._since_s(began_ns)  # until this look; the look itself may take long on a bad line
+            at = await self.position()  # before the status, which may be older than the first motion otherwise
             status = await self.status()
             await self._refuse_fault(status)
-            at = await self.position()
             running = Status.RUNNING in status
             moved = moved or running or abs(at - before) > _STANDSTILL_COUNTS
-            waited_s = (self._clock.mono_ns() - began_ns) / NS
             near = abs(at - target) <= o.tolerance_counts
             done = not running and status & (Status.COMMAND_DONE | Status.PATH_DONE)
             if done and (moved or (near and waited_s > o.start_s)):  # near: there was nothing to move
-                return at
+                return
             if not moved and not near:
-                self._within(o.start_s, began_ns, f"the arm did not start to move (status {status:#06x})")
-            self._within(longest_s, began_ns, f"the arm did not arrive, it is at {o.degrees_of(at):.2f} degrees")
+                self._within(o.start_s, waited_s, f"the arm did not start to move (status {status:#06x})")
+            self._within(longest_s, waited_s, f"the arm did not arrive, it is at {o.degrees_of(at):.2f} degrees")
             await self._clock.sleep(o.poll_s)
 
     async def _send_once(self, sending: Awaitable[None], before: int, target: int | None) -> None:
@@ -287,8 +288,11 @@ class Arm:
         ramps_s = 2 * o.ramp_ms / 1000 * o.speed_rpm / 1000
         return abs(counts) / o.counts_per_turn * 60.0 / o.speed_rpm + ramps_s
 
-    def _within(self, longest_s: float, began_ns: int, what: str) -> None:
-        if (self._clock.mono_ns() - began_ns) / NS > longest_s:
+    def _since_s(self, began_ns: int) -> float:
+        return (self._clock.mono_ns() - began_ns) / NS
+
+    def _within(self, longest_s: float, waited_s: float, what: str) -> None:
+        if waited_s > longest_s:
             raise DeviceTimeout(
                 f"{what}, after {longest_s:.1f} s; it was stopped",
                 place=self.place,

@@ -408,6 +408,34 @@ def test_a_late_status_is_not_taken_for_a_position() -> None:
     run_virtual(main())
 
 
+@pytest.mark.parametrize("late_s", [0.1, 0.2, 0.3, 0.7, 1.7, 3.0])
+def test_one_late_answer_at_any_moment_of_a_move(late_s: float) -> None:
+    """Whichever answer is late: the arm is where it was sent in the end, or the error says that nobody knows."""
+
+    async def main(at: int) -> str:
+        table = Bench()
+        count = 0
+
+        def bend(request: bytes, answer: bytes) -> Answer | None:
+            nonlocal count
+            count += 1
+            return [(late_s, answer)] if count == at else None
+
+        async with bench(table) as gonio:
+            await gonio.connect()
+            table.bend = bend
+            try:
+                assert await gonio.move_to(22.5) == 22.5
+            except DeviceTimeout as error:
+                assert "nobody knows whether the device obeyed" in error.hint
+                return "told"
+            assert table.drive.position() == 625
+            return "arrived"
+
+    outcomes = [run_virtual(main(at)) for at in range(1, 40)]
+    assert outcomes.count("told") == 0
+
+
 @pytest.mark.parametrize("c_deg", [-22.5, 360.1, math.nan])
 def test_angles_that_are_none(c_deg: float) -> None:
     async def main() -> None:
