@@ -277,7 +277,10 @@ class Arm:
         except (DeviceTimeout, ProtocolError):
             with suppress(DeviceError):
                 status, at = await self.status(), await self.position()
-                there = target is not None and abs(at - target) <= self.options.tolerance_counts
+                if target is None:
+                    there = Status.HOMED in status  # it was not before
+                else:
+                    there = abs(at - target) <= self.options.tolerance_counts
                 if Status.RUNNING in status or abs(at - before) > _STANDSTILL_COUNTS or there:
                     return
             raise

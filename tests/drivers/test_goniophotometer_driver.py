@@ -157,6 +157,19 @@ def test_homing_that_finds_nothing_is_stopped() -> None:
     run_virtual(main())
 
 
+@pytest.mark.parametrize("home_s", [0.5, 10.0])
+def test_a_lost_acknowledgement_of_homing(home_s: float) -> None:
+    async def main() -> None:
+        table = Bench(Drive(homed=False, home_s=home_s))
+        table.bend = lambda request, answer: [] if is_write(request, SINGLE) else None
+        async with bench(table) as gonio:
+            await gonio.connect()
+            await gonio.home()
+        assert table.drive.homed and len(table.requests(SINGLE)) == 1
+
+    run_virtual(main())
+
+
 def test_an_alarm_while_homing() -> None:
     async def main() -> None:
         table = Bench(Drive(homed=False))
