@@ -1,7 +1,6 @@
 """The arm: a Leadshine CS2RS closed-loop stepper drive (also sold as CL57RS, CLRS) on a Modbus line.
 
-Registers and words after the CS2RS and iEM-RS manuals, status bits and trigger codes after two public drivers that
-agree. A move is one block of eight words, sent once. Whether it was obeyed is seen, not assumed: the drive must be
+A move is one block of eight words, sent once. Whether it was obeyed is seen, not assumed: the drive must be
 seen running, or to have moved, before its "done" counts, since right after the block that bit still tells of the move
 before.
 """
@@ -10,57 +9,31 @@ import asyncio
 from collections.abc import Awaitable
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import Final
 
 from drivers.goniophotometer.codec import signed_pair, words_of
+from drivers.goniophotometer.drive import (
+    ABSOLUTE,
+    ALARM,
+    ALARMS,
+    CONTROL,
+    FEEDBACK,
+    HOME,
+    PATH_0,
+    PULSES_PER_TURN,
+    QUICK_STOP,
+    RESET_ALARM,
+    RUN_PATH_0,
+    STATUS,
+    TRIGGER,
+    Status,
+)
 from drivers.goniophotometer.line import Line
 from labdaq.clock import NS
 from labdaq.errors import ConfigError, DeviceError, DeviceTimeout, Place, ProtocolError, RefusedError
 
-_PULSES_PER_TURN: Final = 0x0001
-_STATUS: Final = 0x1003
-_FEEDBACK: Final = 0x1014
-_CONTROL: Final = 0x1801
-_ALARM: Final = 0x2203
-_TRIGGER: Final = 0x6002
-_PATH_0: Final = 0x6200
-
-_ABSOLUTE: Final = 0x0001
-_RUN_PATH_0: Final = 0x0010
-_HOME: Final = 0x0020
-_QUICK_STOP: Final = 0x0040
-_RESET_ALARM: Final = 0x1111
-
 _STANDSTILL_COUNTS: Final = 2
 """A closed-loop motor at rest hunts by a count or two; more is motion."""
-
-
-class Status(IntFlag):
-    """Bits of the motion status word."""
-
-    FAULT = 0x01
-    ENABLED = 0x02
-    RUNNING = 0x04
-    COMMAND_DONE = 0x10
-    PATH_DONE = 0x20
-    HOMED = 0x40
-
-
-ALARMS: Final[dict[int, str]] = {
-    0x001: "over-current",
-    0x002: "over-voltage",
-    0x0A1: "current sampling fault",
-    0x0C0: "over-voltage",
-    0x0E0: "over-current",
-    0x0F0: "over-temperature",
-    0x150: "encoder cable",
-    0x152: "motor phase lost",
-    0x180: "position following error: the arm is blocked or too heavy",
-    0x210: "an input is assigned twice",
-    0x240: "EEPROM error",
-}
-"""Alarm codes; the small ones are the RS485 manuals', the others newer firmware's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +123,7 @@ class Arm:
         await self._refuse_fault(status)
         if Status.ENABLED not in status:
             raise self._refusal("the motor is not enabled", "check the enable input, or set Pr0.07 to 1")
-        (pulses,) = await self._line.read_words(self.options.unit, _PULSES_PER_TURN, 1)
+        (pulses,) = await self._line.read_words(self.options.unit, PULSES_PER_TURN, 1)
         if pulses != self.options.counts_per_turn:
             raise self._refusal(
                 f"the drive counts {pulses} a turn (Pr0.00), the station file says {self.options.counts_per_turn}",
@@ -159,21 +132,21 @@ class Arm:
 
     async def status(self) -> Status:
         """Read the motion status."""
-        (word,) = await self._line.read_words(self.options.unit, _STATUS, 1)
+        (word,) = await self._line.read_words(self.options.unit, STATUS, 1)
         return Status(word)
 
     async def position(self) -> int:
         """Read the feedback position [counts]."""
-        high, low = await self._line.read_words(self.options.unit, _FEEDBACK, 2)
+        high, low = await self._line.read_words(self.options.unit, FEEDBACK, 2)
         return signed_pair(high, low)
 
     async def reset_alarm(self) -> None:
         """Reset the present alarm; the arm has to be homed afterwards if the drive lost its position."""
-        await self._line.write_word(self.options.unit, _CONTROL, _RESET_ALARM)
+        await self._line.write_word(self.options.unit, CONTROL, RESET_ALARM)
 
     async def stop(self) -> None:
         """Stop quickly."""
-        await self._line.write_word(self.options.unit, _TRIGGER, _QUICK_STOP)
+        await self._line.write_word(self.options.unit, TRIGGER, QUICK_STOP)
 
     async def home(self) -> None:
         """Find the reference position, once per power-up; returns at once when the drive knows it.
@@ -235,7 +208,7 @@ class Arm:
             raise
 
     async def _home(self, before: int) -> None:
-        await self._send_once(self._line.write_word(self.options.unit, _TRIGGER, _HOME), before, None)
+        await self._send_once(self._line.write_word(self.options.unit, TRIGGER, HOME), before, None)
         began_ns = self._clock.mono_ns()
         while True:
             waited_s = self._since_s(began_ns)
@@ -249,8 +222,8 @@ class Arm:
     async def _go(self, before: int, target: int) -> None:
         """Send one block and wait until the drive has moved and is done."""
         o = self.options
-        block = [_ABSOLUTE, *words_of(target), o.speed_rpm, o.ramp_ms, o.ramp_ms, 0, _RUN_PATH_0]
-        await self._send_once(self._line.write_words(o.unit, _PATH_0, block), before, target)
+        block = [ABSOLUTE, *words_of(target), o.speed_rpm, o.ramp_ms, o.ramp_ms, 0, RUN_PATH_0]
+        await self._send_once(self._line.write_words(o.unit, PATH_0, block), before, target)
         began_ns = self._clock.mono_ns()
         longest_s = o.margin_s + self._duration_s(target - before)
         moved = False
@@ -277,10 +250,8 @@ class Arm:
         except (DeviceTimeout, ProtocolError):
             with suppress(DeviceError):
                 status, at = await self.status(), await self.position()
-                if target is None:
-                    there = Status.HOMED in status  # it was not before
-                else:
-                    there = abs(at - target) <= self.options.tolerance_counts
+                near = target is not None and abs(at - target) <= self.options.tolerance_counts
+                there = near or (target is None and Status.HOMED in status)  # it was not before
                 if Status.RUNNING in status or abs(at - before) > _STANDSTILL_COUNTS or there:
                     return
             raise
@@ -305,7 +276,7 @@ class Arm:
     async def _refuse_fault(self, status: Status) -> None:
         if Status.FAULT not in status:
             return
-        (code,) = await self._line.read_words(self.options.unit, _ALARM, 1)
+        (code,) = await self._line.read_words(self.options.unit, ALARM, 1)
         meaning = ALARMS.get(code, "see the drive's manual")
         raise self._refusal(f"alarm 0x{code:03X}: {meaning}", "remove the cause, reset the alarm, home the arm")
 
