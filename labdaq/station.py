@@ -9,10 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, AwareDatetime, Field, ValidationInfo, field_validator
+from pydantic import AwareDatetime, Field, ValidationInfo, field_validator
 
 from labdaq.config import Fraction01, Name, NotNegative, Positive, Table, load, parse
-from labdaq.ports import EmulatedPort, Port, SerialPort, TcpPort, UsbPort, parse_port
+from labdaq.equipment import PORTS_OF, AnyInstrument, InstrumentEntry, channels_of
+from labdaq.ports import EmulatedPort
 
 FORMAT: Final = "labdaq-station/1"
 GREENWOOD_GAMMAS_DEG: Final = (0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0)
@@ -20,14 +21,6 @@ GREENWOOD_GAMMAS_DEG: Final = (0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Gamma = Annotated[float, Field(ge=0, le=90)]
 """Gamma of a sensor [deg]; the arm reaches from nadir to the horizon."""
-
-
-def _is_port(text: str) -> str:
-    parse_port(text)
-    return text
-
-
-PortText = Annotated[str, AfterValidator(_is_port)]
 
 
 class Site(Table):
@@ -134,95 +127,6 @@ class Arm(Table):
         return value if isinstance(value, tuple) else (value,) * len(self.gammas_deg)
 
 
-class _Entry(Table):
-    """What every instrument has in the station file."""
-
-    name: Name
-    port: PortText
-    serial: str = ""
-    calibration: str = ""
-
-    @property
-    def where(self) -> Port:
-        """The port, taken apart."""
-        return parse_port(self.port)
-
-
-class Ls110(_Entry):
-    """A luminance meter LS-100 or LS-110; ``channel`` is what it looks at."""
-
-    kind: Literal["ls110"] = "ls110"
-    channel: str = "sky.zenith"
-    response: Literal["fast", "slow"] = "fast"
-
-
-class Cl200(_Entry):
-    """A chroma meter CL-200 or CL-200A; ``heads`` maps channels to the numbers set on the heads (0 to 29)."""
-
-    kind: Literal["cl200"] = "cl200"
-    heads: Annotated[dict[str, Annotated[int, Field(ge=0, le=29)]], Field(min_length=1)]
-
-    @field_validator("heads")
-    @classmethod
-    def _unique(cls, heads: dict[str, int]) -> dict[str, int]:
-        if len(set(heads.values())) < len(heads):
-            raise ValueError("two channels have the same head number")
-        return heads
-
-
-class Camera(_Entry):
-    """A camera that speaks PTP over USB or PTP/IP, looking up through a fisheye.
-
-    Attributes
-    ----------
-    image_focal_px
-        Radius of the horizon's circle in the picture [pixel] is this times pi/2 (equidistant projection); ``None``
-        when it must be found from the picture.
-    profile
-        Which camera an emulated one imitates.
-    """
-
-    kind: Literal["camera"] = "camera"
-    profile: Literal["coolpix5400", "coolpix5700", "generic"] = "coolpix5700"
-    image_focal_px: Positive | None = None
-
-
-class Goniophotometer(_Entry):
-    """Motor arm and analog modules on one Modbus line (RTU on a serial port, Modbus TCP on a socket).
-
-    Attributes
-    ----------
-    motor_unit, sensor_units
-        Modbus unit numbers of the drive and of the analog modules; the heads take the modules' inputs in order,
-        eight to a module.
-    baud, parity
-        Of the RTU line.
-    settle_s
-        Wait after the arm has stopped, before the heads are read [s].
-    tolerance_deg
-        Largest difference between where the arm was sent and where its encoder says it is [deg].
-    """
-
-    kind: Literal["goniophotometer"] = "goniophotometer"
-    motor_unit: Annotated[int, Field(ge=1, le=247)] = 1
-    sensor_units: Annotated[tuple[Annotated[int, Field(ge=1, le=247)], ...], Field(min_length=1)] = (2, 3)
-    baud: Literal[9600, 19200, 38400, 57600, 115200] = 115200
-    parity: Literal["N", "E", "O"] = "N"
-    settle_s: NotNegative = 0.5
-    tolerance_deg: Positive = 0.1
-
-
-AnyInstrument = Ls110 | Cl200 | Camera | Goniophotometer
-InstrumentEntry = Annotated[AnyInstrument, Field(discriminator="kind")]
-
-_PORTS: Final[dict[str, tuple[type[Port], ...]]] = {
-    "ls110": (SerialPort, TcpPort, EmulatedPort),
-    "cl200": (SerialPort, TcpPort, EmulatedPort),
-    "camera": (UsbPort, TcpPort, EmulatedPort),
-    "goniophotometer": (SerialPort, TcpPort, EmulatedPort),
-}
-
-
 class Calibration(Table):
     """A calibration certificate.
 
@@ -302,7 +206,7 @@ class Station(Table):
         found += _twice("port", [e.port for e in entries if e.port != "emulated"])
         found += _twice("channel", [channel for e in entries for channel in channels_of(e)])
         for entry in entries:
-            if not isinstance(entry.where, _PORTS[entry.kind]):
+            if not isinstance(entry.where, PORTS_OF[entry.kind]):
                 found.append(f"'{entry.name}': a {entry.kind} cannot be reached on {entry.port!r}")
         if any(e.port == "emulated" for e in entries) and "emulation" in info.data and not info.data["emulation"]:
             found.append("some instruments are emulated, but there is no [emulation] table")
@@ -335,13 +239,6 @@ class Station(Table):
     def built_in(cls) -> Self:
         """The emulated station that is used when no file is given."""
         return parse(files("labdaq").joinpath("examples/station.toml").read_text("utf-8"), cls, "the built-in station")
-
-
-def channels_of(entry: AnyInstrument) -> tuple[str, ...]:
-    """The channels an instrument's readings go by in the station file (a goniophotometer's follow from its arm)."""
-    if isinstance(entry, Ls110):
-        return (entry.channel,)
-    return tuple(entry.heads) if isinstance(entry, Cl200) else ()
 
 
 def _twice(what: str, values: list[str]) -> list[str]:
