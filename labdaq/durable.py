@@ -38,6 +38,34 @@ class Disk:
         """Give a file or folder its final name."""
         old.rename(new)
 
+    def settle(self, folder: Path) -> None:
+        """Make sure of a folder's whole content; here it is on the medium already."""
+
+
+class DeferredDisk(Disk):
+    """Writes at once, but waits for the medium only in `settle`: for what can be made again, as in virtual time.
+
+    What was written survives the end of the program at any moment, though not that of the computer.
+    """
+
+    def sync(self, fd: int) -> None:
+        """Leave it to `settle`."""
+
+    def sync_folder(self, folder: Path) -> None:
+        """Leave it to `settle`."""
+
+    def settle(self, folder: Path) -> None:
+        """Wait until every file and name in ``folder``, and its own name, are on the medium."""
+        below = list(folder.rglob("*"))
+        for file in (f for f in below if f.is_file()):
+            fd = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+            try:
+                os.fsync(fd)
+            finally:
+                os.close(fd)
+        for each in (*(f for f in below if f.is_dir()), folder, folder.absolute().parent):
+            super().sync_folder(each)
+
 
 @contextlib.contextmanager
 def storage_errors(path: Path) -> Iterator[None]:

@@ -128,9 +128,9 @@ def read(path: Path, root: str) -> Scan:
 class Journal:
     """Appends to a journal; the only writer of its file while it is open.
 
-    Lines that are posted while a sync is under way go to disk together in the next one (group commit). With an executor
-    the sync runs there; without one it runs inline, as virtual time needs it. After a failure nothing more is written,
-    and everything raises the `StorageError` that ended it.
+    With an executor, lines go to disk at once in its thread; those posted while a sync is under way go together in the
+    next one (group commit). Without one, as virtual time needs it, they go to disk inline when somebody waits for them.
+    After a failure nothing more is written, and everything raises the `StorageError` that ended it.
     """
 
     def __init__(self, path: Path, fd: int, clock: Clock, disk: Disk, executor: Executor | None) -> None:
@@ -184,12 +184,14 @@ class Journal:
         if self._collecting is None:
             loop = asyncio.get_running_loop()
             self._collecting = loop.create_future()
-            if self._in_flight is None:
+            if self._executor is not None and self._in_flight is None:
                 loop.call_soon(self._commit)
         return line.seq
 
     async def synced(self) -> None:
         """Return when everything posted so far is on disk: this is the acknowledgement. Raises `StorageError`."""
+        if self._executor is None and self._collecting is not None:
+            self._commit()
         waiting = self._collecting or self._in_flight
         if waiting is not None:
             await asyncio.shield(waiting)  # one waiter's cancellation is not the others'

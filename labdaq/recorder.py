@@ -16,7 +16,7 @@ import msgspec
 
 from labdaq import journal as journals
 from labdaq.clock import Clock
-from labdaq.durable import Disk, storage_errors, write_file
+from labdaq.durable import DeferredDisk, Disk, storage_errors, write_file
 from labdaq.errors import StorageError
 from labdaq.instruments import Photo
 from labdaq.journal import Journal
@@ -47,7 +47,11 @@ def check_room(folder: Path, photos: int, photo_format: str) -> int:
 
 
 class Recorder:
-    """Writes one session. ``inline`` writes without threads, as virtual time needs it."""
+    """Writes one session.
+
+    ``inline`` writes without threads, as virtual time needs it, and waits for the medium once, when the session is
+    sealed: what happened in virtual time can be made to happen again.
+    """
 
     def __init__(self, path: Path, header: Header, journal: Journal, disk: Disk, executor: Executor | None) -> None:
         self.path = path
@@ -64,7 +68,7 @@ class Recorder:
 
         Raises `StorageError` when the disk refuses; no folder is left then.
         """
-        disk = disk or Disk()
+        disk = disk or (DeferredDisk() if inline else Disk())
         path, part = sessions / header.name, sessions / f".{header.name}.part"
         content = msgspec.json.format(msgspec.json.encode(header), indent=2)
         executor = None if inline else ThreadPoolExecutor(2, thread_name_prefix="labdaq-disk")
@@ -97,7 +101,7 @@ class Recorder:
 
         Raises `DataError` when the journal is damaged before its tail, `StorageError` when somebody is writing it.
         """
-        disk = disk or Disk()
+        disk = disk or (DeferredDisk() if inline else Disk())
         session = Session.open(path)
         if session.sealed:
             raise StorageError(f"{path}: the session is sealed; nothing can be added to it")

@@ -88,6 +88,7 @@ def write_manifest(disk: Disk, path: Path, known: Mapping[str, str], end: tuple[
             files.append(ListedFile(name, file.stat().st_size, known.get(name) or _sha256(file)))
         manifest = Manifest(sealed_utc_ns=utc_ns, last_seq=end[0], head=end[1], files=tuple(files))
         write_file(disk, path / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest), indent=2))
+        disk.settle(path)
         for file in [*_recorded(path), path / MANIFEST]:
             file.chmod(file.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
 

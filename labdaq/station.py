@@ -160,7 +160,7 @@ class Emulation(Table):
     sky, cloud_cover
         Kind of sky, and the part of it that drifting clouds cover [1].
     start
-        UTC at which the emulated time starts.
+        UTC at which the emulated time starts; now, when it is not given.
     seed
         Of everything random.
     pacing
@@ -172,7 +172,7 @@ class Emulation(Table):
     system: Literal["top", "box", "tube"] = "box"
     sky: Literal["clear", "partly-cloudy", "overcast"] = "clear"
     cloud_cover: Fraction01 = 0.0
-    start: AwareDatetime
+    start: AwareDatetime | None = None
     seed: Annotated[int, Field(ge=0)] = 1
     pacing: bool = True
     rate: Positive = 1.0
