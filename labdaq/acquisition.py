@@ -9,7 +9,7 @@ from labdaq.bench import Bench, close_all, connect_all
 from labdaq.clock import NS, Clock
 from labdaq.errors import RefusedError
 from labdaq.headers import Order, certificates, make_header
-from labdaq.instruments import Camera
+from labdaq.instruments import Camera, place_of
 from labdaq.recorder import Recorder, check_room
 from labdaq.scheduler import Given, take_test
 from labdaq.steps import ClockGuard, Watch
@@ -66,7 +66,7 @@ def shutter_times(camera: Camera, wanted_s: Sequence[float]) -> tuple[float, ...
     if not own:
         raise RefusedError(
             "this camera does not let its shutter time be set, so it cannot take a bracket",
-            place=camera.place,
+            place=place_of(camera),
             hint="turn its mode dial to M; some cameras have no such control over PTP at all",
         )
     nearest = [min(own, key=lambda s: max(s / t, t / s)) for t in wanted_s]
@@ -75,7 +75,7 @@ def shutter_times(camera: Camera, wanted_s: Sequence[float]) -> tuple[float, ...
     if far:
         raise RefusedError(
             f"this camera has no shutter times of its own for {', '.join(f'{t:g} s' for t in far)}",
-            place=camera.place,
+            place=place_of(camera),
             hint=f"it has {', '.join(f'{s:g}' for s in own)} s; correct [exposures] times_s",
         )
     return tuple(nearest)

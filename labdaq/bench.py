@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from labdaq.clock import Clock
 from labdaq.errors import ConnectError, DeviceError, LabdaqError
-from labdaq.instruments import Camera, ChromaMeter, Device, Goniophotometer, LuminanceMeter
+from labdaq.instruments import Camera, ChromaMeter, Device, Goniophotometer, LuminanceMeter, place_of
 from labdaq.reading import Instrument
 
 T = TypeVar("T")
@@ -41,12 +41,12 @@ async def each(devices: tuple[Device, ...], do: Callable[[Device], Awaitable[T]]
         except LabdaqError as error:
             return error
         except Exception as error:
-            wrapped = ConnectError(f"{type(error).__name__}: {error}", place=device.place)
+            wrapped = ConnectError(f"{type(error).__name__}: {error}", place=place_of(device))
             wrapped.__cause__ = error
             return wrapped
 
     async with asyncio.TaskGroup() as group:
-        tasks = [group.create_task(guarded(device), name=device.place.instrument) for device in devices]
+        tasks = [group.create_task(guarded(device), name=device.identity().name) for device in devices]
     return [task.result() for task in tasks]
 
 
@@ -54,12 +54,13 @@ async def connect(device: Device, clock: Clock, limit_s: float) -> Instrument:
     """Connect one instrument; raises `ConnectError` or another `DeviceError`, at the latest after ``limit_s`` [s]."""
     try:
         async with clock.timeout(limit_s):
-            return await device.connect()
+            await device.connect()
+            return device.identity()
     except DeviceError:
         raise
     except TimeoutError as error:
         raise ConnectError(
-            f"was not ready within {limit_s:g} s", place=device.place, hint="check power, cable and port"
+            f"was not ready within {limit_s:g} s", place=place_of(device), hint="check power, cable and port"
         ) from error
 
 
@@ -78,7 +79,7 @@ async def close_all(bench: Bench, clock: Clock, limit_s: float = 5.0) -> None:
     async def close(device: Device) -> None:
         with contextlib.suppress(TimeoutError):
             async with clock.timeout(limit_s):
-                await device.close()
+                await device.aclose()
 
     await each(bench.devices, close)
 

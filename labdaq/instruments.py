@@ -1,7 +1,7 @@
 """What a test needs of its instruments. Drivers fit these protocols; so do the fakes in the tests.
 
 Every method raises `DeviceError` (or one of its kinds) when the instrument fails, ends within its own time limit, and
-may be cancelled at any await without leaving the port unusable for `Goniophotometer.park` and `Device.close`.
+may be cancelled at any await without leaving the port unusable for `Goniophotometer.park` and `Device.aclose`.
 """
 
 from collections.abc import Sequence
@@ -47,20 +47,25 @@ class Photo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Device(Protocol):
-    """Any instrument: it has a place, is connected once and closed once."""
+    """Any instrument: connected once, closed once."""
 
-    @property
-    def place(self) -> Place:
-        """Its name in the station file and its port."""
+    def identity(self) -> Instrument:
+        """Who and where it is: as declared before it is connected, as it says itself afterwards."""
         ...
 
-    async def connect(self) -> Instrument:
-        """Open the port, make sure the right instrument answers, and make it ready to measure."""
+    async def connect(self) -> None:
+        """Open the port, make sure the right instrument answers, and make it ready to measure. Moves nothing."""
         ...
 
-    async def close(self) -> None:
+    async def aclose(self) -> None:
         """Give the port back; harmless when already closed or never opened."""
         ...
+
+
+def place_of(device: Device) -> Place:
+    """An instrument's name in the station file and its port, as errors tell them."""
+    who = device.identity()
+    return Place(who.name, who.port)
 
 
 class LuminanceMeter(Device, Protocol):
@@ -74,7 +79,7 @@ class LuminanceMeter(Device, Protocol):
 class ChromaMeter(Device, Protocol):
     """Reads illuminance with one or several heads."""
 
-    async def read(self) -> Sequence[Reading]:
+    async def measure(self) -> Sequence[Reading]:
         """Measure once with all heads together; at least one illuminance [lx] per head."""
         ...
 
@@ -99,8 +104,8 @@ class Camera(Device, Protocol):
 class Goniophotometer(Device, Protocol):
     """Heads on an arm that turns about the aperture's axis."""
 
-    async def position(self) -> float:
-        """Where the arm is, by its encoder [deg, C]."""
+    async def home(self) -> None:
+        """Find the arm's reference position; returns at once when it is known."""
         ...
 
     async def move_to(self, c_deg: float) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from labdaq.bench import Bench
 from labdaq.clock import NS, Clock
 from labdaq.errors import LabdaqError, RunError, StorageError
-from labdaq.instruments import ChromaMeter, LuminanceMeter, Photo
+from labdaq.instruments import ChromaMeter, LuminanceMeter, Photo, place_of
 from labdaq.reading import Reading
 from labdaq.recorder import Recorder
 from labdaq.records import Ended
@@ -77,11 +77,23 @@ class _Test:
         self._parked = False
 
     async def measure(self) -> None:
-        """Everything up to the parked arm; raises whatever ended it early."""
-        script, clock, stop = self.given.script, self.given.clock, self.given.stop
+        """Everything up to the parked arm; raises whatever ended it early, perhaps in groups."""
+        await self.steps.check_clock()
+        async with asyncio.TaskGroup() as group:
+            impatience = group.create_task(self._impatience())
+            await self._home()
+            if not self.given.stop.requested:
+                await self._in_time()
+            impatience.cancel()
+        if self.given.stop.requested:
+            raise self._interrupted()
+        await self._park_in_order()
+        await self.steps.check_clock()
+
+    async def _in_time(self) -> None:
+        script, clock = self.given.script, self.given.clock
         try:
             async with clock.timeout(script.limits.test_s):
-                await self.steps.check_clock()
                 await self._all_instruments(clock.mono_ns())
         except TimeoutError as error:
             raise RunError(
@@ -89,26 +101,21 @@ class _Test:
                 f"{self.steps.last_step or 'none'}",
                 "see the steps' lateness with `labdaq session show`, or raise [limits] test_s",
             ) from error
-        if stop.requested:
-            raise self._interrupted()
-        await self._park_in_order()
-        await self.steps.check_clock()
 
     async def _all_instruments(self, start_ns: int) -> None:
         bench, script = self.given.bench, self.given.script
         scans_ns = start_ns + round(script.illuminance.period_s * NS)
         async with asyncio.TaskGroup() as throughout:
-            helpers = [throughout.create_task(self._impatience()), throughout.create_task(self._watch_clock(start_ns))]
+            clock_watch = throughout.create_task(self._watch_clock(start_ns))
             for meter in bench.chroma:
-                throughout.create_task(self._illuminance(meter, start_ns), name=meter.place.instrument)
+                throughout.create_task(self._illuminance(meter, start_ns), name=meter.identity().name)
             async with asyncio.TaskGroup() as scans:
-                scans.create_task(self._exposures(scans_ns), name=bench.camera.place.instrument)
-                scans.create_task(self._planes(scans_ns), name=bench.goniophotometer.place.instrument)
+                scans.create_task(self._exposures(scans_ns), name=bench.camera.identity().name)
+                scans.create_task(self._planes(scans_ns), name=bench.goniophotometer.identity().name)
                 for spot in bench.luminance:
-                    scans.create_task(self._zenith(spot, scans_ns), name=spot.place.instrument)
+                    scans.create_task(self._zenith(spot, scans_ns), name=spot.identity().name)
             self._scans_over.set()
-            for helper in helpers:
-                helper.cancel()
+            clock_watch.cancel()
 
     async def _exposures(self, start_ns: int) -> None:
         camera, exposures = self.given.bench.camera, self.given.script.exposures
@@ -123,7 +130,7 @@ class _Test:
                 lateness_s = await self.given.stop.until(self.given.clock, due_ns)
             except StopAsked:
                 return
-            await self.steps.take(camera.place, f"exposure-{k:02d}", lateness_s, capture)
+            await self.steps.take(place_of(camera), f"exposure-{k:02d}", lateness_s, capture)
 
     async def _zenith(self, meter: LuminanceMeter, start_ns: int) -> None:
         exposures = self.given.script.exposures
@@ -138,7 +145,7 @@ class _Test:
                 )
             except StopAsked:
                 return
-            await self.steps.take(meter.place, f"zenith-{k:02d}", lateness_s, read)
+            await self.steps.take(place_of(meter), f"zenith-{k:02d}", lateness_s, read)
 
     async def _planes(self, start_ns: int) -> None:
         arm, scan = self.given.bench.goniophotometer, self.given.script.scan
@@ -153,7 +160,7 @@ class _Test:
                 lateness_s = await self.given.stop.until(self.given.clock, due_ns)
             except StopAsked:
                 return
-            await self.steps.take(arm.place, f"plane-{k:02d}", lateness_s, read_plane)
+            await self.steps.take(place_of(arm), f"plane-{k:02d}", lateness_s, read_plane)
 
     async def _illuminance(self, meter: ChromaMeter, start_ns: int) -> None:
         """Read on every tick until the scans are over, and once more; ticks that pass meanwhile count as missed."""
@@ -166,12 +173,12 @@ class _Test:
                 return
             last = self._scans_over.is_set()
             step = f"illuminance-{number:03d}"
-            await self.steps.take(meter.place, step, lateness_s, meter.read)
+            await self.steps.take(place_of(meter), step, lateness_s, meter.measure)
             if last:
                 return
             coming = -((start_ns - self.given.clock.mono_ns()) // period_ns)  # the first tick that is not over yet
             if coming > tick + 1:
-                self.steps.missed(meter.place, step, coming - tick - 1)
+                self.steps.missed(place_of(meter), step, coming - tick - 1)
             tick = max(tick + 1, coming)
 
     async def _watch_clock(self, start_ns: int) -> None:
@@ -194,6 +201,15 @@ class _Test:
             f"what was recorded is in {self.recorder.path}",
         )
 
+    async def _home(self) -> None:
+        arm = self.given.bench.goniophotometer
+
+        async def home() -> Sequence[Reading]:
+            await arm.home()
+            return ()
+
+        await self.steps.take(place_of(arm), "home", 0.0, home, limit_s=self.given.script.limits.home_s)
+
     async def _park_in_order(self) -> None:
         arm = self.given.bench.goniophotometer
 
@@ -202,7 +218,7 @@ class _Test:
             self._parked = True
             return ()
 
-        await self.steps.take(arm.place, "park", 0.0, park, limit_s=self.given.script.limits.park_s)
+        await self.steps.take(place_of(arm), "park", 0.0, park, limit_s=self.given.script.limits.park_s)
 
     async def finish(self, fault: BaseException | None) -> None:
         """Park the arm if that was not done, and end the session; raises `StorageError` when the disk refuses."""

@@ -130,18 +130,19 @@ class Limits(Table):
 
     Attributes
     ----------
-    connect_s, step_s, park_s
-        For connecting all instruments, for one step of one instrument, for parking the arm.
+    connect_s, step_s, home_s, park_s
+        For connecting all instruments, for one step of one instrument, for homing and for parking the arm.
     grace_s
         How long a step under way may go on after the operator asked to stop.
     late_s
         How late a step may start before its readings are flagged as late.
     test_s
-        For the whole test, parking left aside.
+        For the test from the first illuminance to the last step, without homing and parking.
     """
 
     connect_s: Positive = 30.0
     step_s: Positive = 45.0
+    home_s: Positive = 150.0
     park_s: Positive = 60.0
     grace_s: NotNegative = 10.0
     late_s: Positive = 1.0

@@ -43,7 +43,6 @@ class Fake:
         self.clock = clock
         self.points = points
 
-    @property
     def identity(self) -> Instrument:
         return Instrument(name=self.place.instrument, model="fake", serial="1", port=self.place.port)
 
@@ -56,12 +55,11 @@ class Fake:
                 raise error
             await self.clock.sleep(seconds / 2)
 
-    async def connect(self) -> Instrument:
+    async def connect(self) -> None:
         self.open += 1
         await self.spend(0.2, "connect")
-        return self.identity
 
-    async def close(self) -> None:
+    async def aclose(self) -> None:
         self.open = 0
         await self.clock.sleep(0.01)
 
@@ -75,7 +73,7 @@ class Fake:
             utc_ns=self.clock.utc_ns(),
             mono_ns=self.clock.mono_ns(),
             clock=self.clock.state(),
-            instrument=self.identity,
+            instrument=self.identity(),
             at=at,
         )
 
@@ -90,7 +88,7 @@ class FakeChromaMeter(Fake):
     channel = "sky.global"
     duration_s = 0.6
 
-    async def read(self) -> Sequence[Reading]:
+    async def measure(self) -> Sequence[Reading]:
         await self.spend(self.duration_s, "read")
         return [self.reading(self.channel, Quantity.ILLUMINANCE, Unit.LUX, 45_000.0)]
 
@@ -110,7 +108,7 @@ class FakeCamera(Fake):
                 utc_ns=self.clock.utc_ns(),
                 mono_ns=self.clock.mono_ns(),
                 clock=self.clock.state(),
-                instrument=self.identity,
+                instrument=self.identity(),
             )
         ]
 
@@ -120,9 +118,9 @@ class FakeArm(Fake):
     moving = False
     c_deg = 0.0
 
-    async def position(self) -> float:
-        await self.spend(0.02, "position")
-        return self.c_deg
+    async def home(self) -> None:
+        self.parked = False
+        await self.spend(1.0, "home")
 
     async def move_to(self, c_deg: float) -> float:
         self.parked, self.moving = False, True

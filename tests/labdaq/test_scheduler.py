@@ -234,6 +234,29 @@ def test_the_operator_may_stop_it(tmp_path: Path, times: int) -> None:
     assert all(device.open == 0 for device in lab.bench.devices)  # type: ignore[attr-defined]
 
 
+def test_stopped_while_homing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def slow(self: FakeArm) -> None:
+        self.parked = False
+        await self.clock.sleep(100.0)
+
+    async def stopped() -> float:
+        clock = VirtualClock(START)
+        task = asyncio.ensure_future(lab.take(order(tmp_path)))
+        await clock.sleep(5.0)
+        assert lab.stop
+        lab.stop.request("SIGINT")
+        with pytest.raises(RunError, match="stopped by SIGINT; last finished step: none"):
+            await task
+        return clock.mono_ns() / NS
+
+    monkeypatch.setattr(FakeArm, "home", slow)
+    lab = Lab()
+    assert run_virtual(stopped()) < 5 + 10 + 3
+    assert list_sessions(tmp_path)[0].outcome == "interrupted"
+    assert lab.bench
+    assert lab.bench.goniophotometer.parked  # type: ignore[attr-defined]
+
+
 def test_a_full_disk_is_found_before_the_test(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="MB are free, but a test may need"):
         check_room(tmp_path, 10_000_000, "raw")
