@@ -56,7 +56,12 @@ def check(data: Mapping[str, Any], model: type[M], source: str) -> M:
         return model.model_validate(data)
     except ValidationError as error:
         problems = Problems(source)
-        for detail in error.errors(include_url=False):
+        details = error.errors(include_url=False)
+        places = [d["loc"] for d in details]
+        for detail in details:
+            length = len(detail["loc"])
+            if detail["type"] == "too_short" and any(p[:length] == detail["loc"] and len(p) > length for p in places):
+                continue  # pydantic counts the good items only; the bad ones are told already
             for line in _say(detail, model).splitlines():
                 problems.add(_where(detail["loc"], data), line)
         problems.raise_if_any(ConfigError, f"correct {source} and start again; docs/formats.md describes each field")

@@ -82,7 +82,9 @@ class Goniophotometer(_Entry):
     settle_s
         Wait after the arm has stopped, before the heads are read [s].
     tolerance_deg
-        Largest difference between where the arm was sent and where its encoder says it is [deg].
+        Readings farther from where the arm was sent than this, by its encoder, are flagged ``MOVED`` [deg].
+    park_c_deg
+        Where the arm is parked [deg].
     """
 
     kind: Literal["goniophotometer"] = "goniophotometer"
@@ -91,7 +93,8 @@ class Goniophotometer(_Entry):
     baud: Literal[9600, 19200, 38400, 57600, 115200] = 115200
     parity: Literal["N", "E", "O"] = "N"
     settle_s: NotNegative = 0.5
-    tolerance_deg: Positive = 0.1
+    tolerance_deg: Positive = 0.2
+    park_c_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
 
 
 AnyInstrument = Ls110 | Cl200 | Camera | Goniophotometer

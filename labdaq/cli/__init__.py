@@ -12,6 +12,9 @@ from labdaq.rooms import check_rooms
 
 COMMANDS: Final[dict[str, str]] = {
     "emulate": "Run emulated instruments on real ports.",
+    "run": "Take the test of a script.",
+    "doctor": "Look at every instrument, the clock and the disk.",
+    "session": "List, show and verify recorded sessions.",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 
