@@ -8,6 +8,7 @@ asked of the same clock that stamps the readings, so a driver behaves alike unde
 
 import asyncio
 import ctypes
+import functools
 import time
 from datetime import UTC, datetime
 from typing import Final, Protocol
@@ -190,10 +191,15 @@ class _Timex(ctypes.Structure):
 _UNSYNCHRONISED: Final = 0x0040  # STA_UNSYNC
 
 
+@functools.cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
+
+
 def _kernel_clock_state() -> ClockState:
     timex = _Timex()
     try:
-        failed = ctypes.CDLL(None).adjtimex(ctypes.byref(timex)) < 0
+        failed = _libc().adjtimex(ctypes.byref(timex)) < 0
     except (AttributeError, OSError):
         failed = True
     if failed:
