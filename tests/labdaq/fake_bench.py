@@ -60,8 +60,8 @@ class Fake:
         await self.spend(0.2, "connect")
 
     async def aclose(self) -> None:
-        self.open = 0
         await self.clock.sleep(0.01)
+        self.open = 0
 
     def reading(self, channel: str, quantity: Quantity, unit: Unit, value: float, **at: float) -> Reading:
         return Reading(

@@ -245,7 +245,24 @@ def test_parking_fails_too(tmp_path: Path) -> None:
     assert not any(d.open for d in lab.bench.devices)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("again_s", [0.1, 1.0])
+def test_a_late_answer_may_spoil_the_first_attempt_to_park(tmp_path: Path) -> None:
+    class Late(Points):
+        parks = 0
+
+        def at(self, place: Place, what: str) -> BaseException | None:
+            if what == "park-begin":
+                self.parks += 1
+            if what == "move-end" or (what == "park-begin" and self.parks == 1):
+                return ProtocolError(f"no sense in {what}", place=place)
+            return super().at(place, what)
+
+    lab = Lab(Late())
+    with pytest.raises(ProtocolError, match=r"move-end; in step plane-00$"):
+        run_virtual(lab.take(short(tmp_path)))
+    assert_in_good_order(lab, tmp_path, 0)
+
+
+@pytest.mark.parametrize("again_s", [0.004, 0.1, 1.0])
 def test_cancelled_again_while_parking(tmp_path: Path, again_s: float) -> None:
     lab = Lab()
 
@@ -253,7 +270,7 @@ def test_cancelled_again_while_parking(tmp_path: Path, again_s: float) -> None:
         clock = VirtualClock(0)
         task = asyncio.ensure_future(lab.take(short(tmp_path)))
         await clock.sleep(4.0)
-        for _ in range(3):
+        while not task.done():
             task.cancel()
             await clock.sleep(again_s)
         with pytest.raises(asyncio.CancelledError):
