@@ -2,14 +2,14 @@
 
 from typing import Annotated, Final, Literal
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from labdaq.config import Name, NotNegative, Positive, Table
-from labdaq.ports import EmulatedPort, Port, SerialPort, TcpPort, UsbPort, parse_port
+from labdaq.ports import PortKind, port_kind
 
 
 def _is_port(text: str) -> str:
-    parse_port(text)
+    port_kind(text)
     return text
 
 
@@ -25,9 +25,9 @@ class _Entry(Table):
     calibration: str = ""
 
     @property
-    def where(self) -> Port:
-        """The port, taken apart."""
-        return parse_port(self.port)
+    def emulated(self) -> bool:
+        """Whether an emulator stands in for it."""
+        return port_kind(self.port) is PortKind.EMULATED
 
 
 class Ls110(_Entry):
@@ -39,10 +39,19 @@ class Ls110(_Entry):
 
 
 class Cl200(_Entry):
-    """A chroma meter CL-200 or CL-200A; ``heads`` maps channels to the numbers set on the heads (0 to 29)."""
+    """A chroma meter CL-200 or CL-200A.
+
+    Attributes
+    ----------
+    heads
+        Channels, and the number set on the head of each (0 to 29).
+    shaded
+        Channels whose head stands behind a shading disc.
+    """
 
     kind: Literal["cl200"] = "cl200"
     heads: Annotated[dict[str, Annotated[int, Field(ge=0, le=29)]], Field(min_length=1)]
+    shaded: tuple[str, ...] = ()
 
     @field_validator("heads")
     @classmethod
@@ -51,9 +60,17 @@ class Cl200(_Entry):
             raise ValueError("two channels have the same head number")
         return heads
 
+    @field_validator("shaded")
+    @classmethod
+    def _known(cls, shaded: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        for channel in shaded:
+            if channel not in info.data.get("heads", shaded):
+                raise ValueError(f"'{channel}' is not one of the heads")
+        return shaded
+
 
 class Camera(_Entry):
-    """A camera that speaks PTP over USB or PTP/IP, looking up through a fisheye.
+    """A camera that speaks PTP over USB or PTP/IP, looking up through a fisheye with a shading disc.
 
     Attributes
     ----------
@@ -100,11 +117,11 @@ class Goniophotometer(_Entry):
 AnyInstrument = Ls110 | Cl200 | Camera | Goniophotometer
 InstrumentEntry = Annotated[AnyInstrument, Field(discriminator="kind")]
 
-PORTS_OF: Final[dict[str, tuple[type[Port], ...]]] = {
-    "ls110": (SerialPort, TcpPort, EmulatedPort),
-    "cl200": (SerialPort, TcpPort, EmulatedPort),
-    "camera": (UsbPort, TcpPort, EmulatedPort),
-    "goniophotometer": (SerialPort, TcpPort, EmulatedPort),
+PORTS_OF: Final = {
+    "ls110": {PortKind.SERIAL, PortKind.TCP, PortKind.EMULATED},
+    "cl200": {PortKind.SERIAL, PortKind.TCP, PortKind.EMULATED},
+    "camera": {PortKind.USB, PortKind.PTP_IP, PortKind.EMULATED},
+    "goniophotometer": {PortKind.SERIAL, PortKind.TCP, PortKind.EMULATED},
 }
 """What each kind can be reached on."""
 

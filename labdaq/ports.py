@@ -1,66 +1,45 @@
-"""Where an instrument is reached, as it is written in a station file.
+"""Where an instrument is reached, as it is written in a station file (`drivers.ports` opens it).
 
-``/dev/ttyUSB0`` a serial line; ``tcp:10.0.0.7:4001`` a socket; ``usb:04b0:0119`` a USB device; ``emulated`` an
-instrument that an emulator stands in for.
+::
+
+    /dev/ttyUSB0            a serial line (best a link below /dev/serial/by-id)
+    tcp://10.0.0.7:502      a TCP connection: Modbus TCP, or a serial device server
+    usb                     the only camera on USB
+    usb:04b0:010d           the camera with this vendor and product; usb:04b0:010d:4007219 with this serial number
+    ptpip://10.0.0.6        a camera on the network, at port 15740 unless ptpip://host:port says otherwise
+    emulated                no port: an emulator stands in for the instrument
 """
 
 import re
-from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
 
 
-@dataclass(frozen=True, slots=True)
-class SerialPort:
-    """A serial line, real or pseudo-terminal."""
+class PortKind(StrEnum):
+    """What a port is made of."""
 
-    device: str
-
-    def __str__(self) -> str:
-        return self.device
-
-
-@dataclass(frozen=True, slots=True)
-class TcpPort:
-    """A TCP socket: a serial server, Modbus TCP or PTP/IP."""
-
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"tcp:{self.host}:{self.port}"
+    SERIAL = "serial"
+    TCP = "tcp"
+    USB = "usb"
+    PTP_IP = "ptpip"
+    EMULATED = "emulated"
 
 
-@dataclass(frozen=True, slots=True)
-class UsbPort:
-    """A USB device by vendor and product."""
-
-    vendor: int
-    product: int
-
-    def __str__(self) -> str:
-        return f"usb:{self.vendor:04x}:{self.product:04x}"
-
-
-@dataclass(frozen=True, slots=True)
-class EmulatedPort:
-    """No port at all: an emulator is started for the instrument."""
-
-    def __str__(self) -> str:
-        return "emulated"
+_HOST: Final = r"(\[[0-9a-fA-F:.]+\]|[^:/\[\]\s]+)"
+_SYNTAX: Final = {
+    PortKind.SERIAL: re.compile(r"/\S+"),
+    PortKind.TCP: re.compile(rf"tcp://{_HOST}:(?P<number>\d{{1,5}})"),
+    PortKind.USB: re.compile(r"usb(:([0-9a-fA-F]{4}|\*):([0-9a-fA-F]{4}|\*)(:\S+)?)?"),
+    PortKind.PTP_IP: re.compile(rf"ptpip://{_HOST}(:(?P<number>\d{{1,5}}))?"),
+    PortKind.EMULATED: re.compile("emulated"),
+}
 
 
-Port = SerialPort | TcpPort | UsbPort | EmulatedPort
-
-_SYNTAX = "write /dev/tty..., tcp:host:port, usb:vendor:product (hexadecimal) or emulated"
-
-
-def parse_port(text: str) -> Port:
-    """Read a port; raises `ValueError` saying what may be written."""
-    if text == "emulated":
-        return EmulatedPort()
-    if text.startswith("/"):
-        return SerialPort(text)
-    if found := re.fullmatch(r"usb:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})", text):
-        return UsbPort(int(found[1], 16), int(found[2], 16))
-    if (found := re.fullmatch(r"tcp:(\[[0-9a-fA-F:]+\]|[^:\[\]\s]+):(\d{1,5})", text)) and 0 < int(found[2]) < 65536:
-        return TcpPort(found[1].strip("[]"), int(found[2]))
-    raise ValueError(f"{text!r} is not a port; {_SYNTAX}")
+def port_kind(text: str) -> PortKind:
+    """Tell what a port is made of; raises `ValueError` saying what may be written."""
+    for kind, syntax in _SYNTAX.items():
+        if found := syntax.fullmatch(text):
+            number = found.groupdict().get("number")
+            if number is None or 0 < int(number) < 65536:
+                return kind
+    raise ValueError(f"{text!r} is not a port; write /dev/tty..., tcp://host:port, usb, ptpip://host or emulated")

@@ -30,7 +30,7 @@ def choose_clock(station: Station, *, virtual: bool, rate: float | None) -> Cloc
     station's). Real instruments have the computer's. Raises `ConfigError` when real instruments are to run faster.
     """
     if not station.emulated and (virtual or rate not in (None, 1.0)):
-        real = ", ".join(f"'{e.name}' on {e.port}" for e in station.instrument if e.port != "emulated")
+        real = ", ".join(f"'{e.name}' on {e.port}" for e in station.instrument if not e.emulated)
         what = "virtual time" if virtual else "a rate"
         raise ConfigError(f"station '{station.name}': {what} is for emulated instruments, but {real} is real")
     emulation = station.emulation

@@ -13,7 +13,7 @@ from pydantic import AwareDatetime, Field, ValidationInfo, field_validator
 
 from labdaq.config import Fraction01, Name, NotNegative, Positive, Table, load, parse
 from labdaq.equipment import PORTS_OF, AnyInstrument, InstrumentEntry, channels_of
-from labdaq.ports import EmulatedPort
+from labdaq.ports import port_kind
 
 FORMAT: Final = "labdaq-station/1"
 GREENWOOD_GAMMAS_DEG: Final = (0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0)
@@ -82,7 +82,8 @@ class Arm(Table):
     sensor_half_angle_deg
         Acceptance of the heads' shields [deg].
     sensitivity_v_per_lx
-        Output of each head's amplifier [V/lx]; one number stands for all heads.
+        Output of each head's amplifier [V/lx]; one number stands for all heads. With the default, ±10 V reach to
+        5000 lx and one step of a 16-bit converter is 0.15 lx.
     dark_v
         Output of each head in the dark [V]; one number stands for all heads.
     """
@@ -90,7 +91,7 @@ class Arm(Table):
     distance_m: Positive = 2.6
     gammas_deg: Annotated[tuple[Gamma, ...], Field(min_length=1, max_length=16)] = GREENWOOD_GAMMAS_DEG
     sensor_half_angle_deg: Annotated[float, Field(gt=0, le=90)] = 60.0
-    sensitivity_v_per_lx: Positive | tuple[Positive, ...] = 0.003
+    sensitivity_v_per_lx: Positive | tuple[Positive, ...] = 0.002
     dark_v: Finite | tuple[Finite, ...] = 0.0
 
     @field_validator("gammas_deg")
@@ -125,6 +126,12 @@ class Arm(Table):
 
     def _per_head(self, value: float | tuple[float, ...]) -> tuple[float, ...]:
         return value if isinstance(value, tuple) else (value,) * len(self.gammas_deg)
+
+
+class ShadingDisc(Table):
+    """The discs that keep the sun off the camera and off the shaded heads; ``half_angle_deg`` is what they hide."""
+
+    half_angle_deg: Annotated[float, Field(gt=0, lt=30)] = 5.0
 
 
 class Calibration(Table):
@@ -188,6 +195,7 @@ class Station(Table):
     clock: ClockPolicy = ClockPolicy()
     room: Room = Room()
     goniometer: Arm = Arm()
+    shading_disc: ShadingDisc = ShadingDisc()
     emulation: Emulation | None = None
     calibration: tuple[Calibration, ...] = ()
     instrument: tuple[InstrumentEntry, ...]
@@ -203,12 +211,12 @@ class Station(Table):
     def _fit_together(cls, entries: tuple[InstrumentEntry, ...], info: ValidationInfo) -> tuple[InstrumentEntry, ...]:
         found = [] if entries else ["there is none"]
         found += _twice("instrument name", [e.name for e in entries])
-        found += _twice("port", [e.port for e in entries if e.port != "emulated"])
+        found += _twice("port", [e.port for e in entries if not e.emulated])
         found += _twice("channel", [channel for e in entries for channel in channels_of(e)])
         for entry in entries:
-            if not isinstance(entry.where, PORTS_OF[entry.kind]):
+            if port_kind(entry.port) not in PORTS_OF[entry.kind]:
                 found.append(f"'{entry.name}': a {entry.kind} cannot be reached on {entry.port!r}")
-        if any(e.port == "emulated" for e in entries) and "emulation" in info.data and not info.data["emulation"]:
+        if any(e.emulated for e in entries) and "emulation" in info.data and not info.data["emulation"]:
             found.append("some instruments are emulated, but there is no [emulation] table")
         names = {e.name for e in entries}
         certificates = {c.id: c for c in info.data.get("calibration", ())}
@@ -224,7 +232,7 @@ class Station(Table):
     @property
     def emulated(self) -> bool:
         """Whether every instrument is emulated, so that the station's time may be, too."""
-        return all(isinstance(e.where, EmulatedPort) for e in self.instrument)
+        return all(e.emulated for e in self.instrument)
 
     def of_kind(self, kind: str) -> list[AnyInstrument]:
         """The instruments of a kind, in the file's order."""

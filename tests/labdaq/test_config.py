@@ -11,7 +11,7 @@ from hypothesis import given
 from labdaq.config import check, parse
 from labdaq.errors import ConfigError
 from labdaq.headers import certificates, expired
-from labdaq.ports import EmulatedPort, SerialPort, TcpPort, UsbPort, parse_port
+from labdaq.ports import PortKind, port_kind
 from labdaq.script import SIXTEEN_EXPOSURES_S, Script
 from labdaq.station import Station
 
@@ -105,7 +105,7 @@ def test_a_script_s_mistakes_name_their_field(text: str, told: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("/dev/ttyUSB0", "COM3", "instrument[m].port: 'COM3' is not a port; write /dev/tty..., tcp:host:port"),
+        ("/dev/ttyUSB0", "COM3", "instrument[m].port: 'COM3' is not a port; write /dev/tty..., tcp://host:port"),
         ("/dev/ttyUSB0", "usb:04b0:0119", "instrument: 'm': a ls110 cannot be reached on 'usb:04b0:0119'"),
         ("/dev/ttyUSB0", "emulated", "some instruments are emulated, but there is no [emulation] table"),
         ("ls110", "ls120", "instrument[m]: kind must be one of 'ls110', 'cl200', 'camera', 'goniophotometer', not "),
@@ -173,15 +173,25 @@ def test_any_value_in_any_place_is_told_not_crashed(value: object) -> None:
             check(data, Station, "x")
 
 
-def test_ports() -> None:
-    assert parse_port("/dev/ttyUSB0") == SerialPort("/dev/ttyUSB0")
-    assert parse_port("tcp:10.0.0.7:502") == TcpPort("10.0.0.7", 502)
-    assert parse_port("tcp:[::1]:502") == TcpPort("::1", 502)
-    assert parse_port("usb:04B0:0119") == UsbPort(0x04B0, 0x0119)
-    assert parse_port("emulated") == EmulatedPort()
-    for wrong in ("", "ttyUSB0", "tcp:host", "tcp::5", "tcp:host:0", "tcp:host:65536", "usb:4b0:119", "emulate"):
+@pytest.mark.parametrize(
+    ("kind", "good", "bad"),
+    [
+        (PortKind.SERIAL, ["/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI"], ["ttyUSB0", "COM3", "/dev/my port"]),
+        (
+            PortKind.TCP,
+            ["tcp://10.0.0.7:502", "tcp://[::1]:1", "tcp://lab:65535"],
+            ["tcp://lab", "tcp://lab:0", "tcp://:5"],
+        ),
+        (PortKind.USB, ["usb", "usb:04B0:010d", "usb:*:*:4007219"], ["usb:4b0:119", "usb:", "usb:04b0"]),
+        (PortKind.PTP_IP, ["ptpip://10.0.0.6", "ptpip://camera:15741"], ["ptpip://", "ptpip://a:99999", "ptpip:a"]),
+        (PortKind.EMULATED, ["emulated"], ["emulate", "", " emulated"]),
+    ],
+)
+def test_ports(kind: PortKind, good: list[str], bad: list[str]) -> None:
+    assert [port_kind(text) for text in good] == [kind] * len(good)
+    for text in bad:
         with pytest.raises(ValueError, match="is not a port"):
-            parse_port(wrong)
+            port_kind(text)
 
 
 def test_defaults_are_the_report_s() -> None:
@@ -191,7 +201,7 @@ def test_defaults_are_the_report_s() -> None:
     assert script.scan.c_planes_deg == tuple(22.5 * k for k in range(16))
     arm = Station.built_in().goniometer
     assert arm.channels == tuple(f"gonio.g{g}" for g in (0, 5, 15, 25, 35, 45, 55, 65, 75, 85))
-    assert arm.sensitivities_v_per_lx == (0.003,) * 10
+    assert arm.sensitivities_v_per_lx == (0.002,) * 10
 
 
 def test_certificates_are_hashed_and_expire(tmp_path: Path) -> None:
