@@ -7,11 +7,13 @@ from typing import Final
 
 from labdaq.bench import Bench, close_all, connect_all
 from labdaq.clock import NS, Clock
-from labdaq.errors import RefusedError
+from labdaq.errors import RefusedError, RunError
 from labdaq.headers import Order, certificates, make_header
 from labdaq.instruments import Camera, place_of
+from labdaq.reading import Instrument
 from labdaq.recorder import Recorder, check_room
 from labdaq.scheduler import Given, take_test
+from labdaq.script import Script
 from labdaq.steps import ClockGuard, Watch
 from labdaq.stopping import Stop, StopAsked, carry_through
 
@@ -35,15 +37,12 @@ async def acquire(order: Order, mount: Mount, clock: Clock, stop: Stop, watch: W
     paths: list[Path] = []
     async with mount() as bench:
         try:
-            instruments = await connect_all(bench, clock, script.limits.connect_s)
+            instruments = await _connected(bench, clock, stop, script)
             exposures_s = shutter_times(bench.camera, script.exposures.times_s)
             given = Given(station, script, bench, exposures_s, clock, stop, watch)
             for number in range(script.repeats):
                 if number:
-                    try:
-                        await stop.until(clock, clock.mono_ns() + round(script.pause_s * NS))
-                    except StopAsked:
-                        break
+                    await _pause(clock, stop, script)
                 header = make_header(order, instruments, clock)
                 recorder = Recorder.create(order.sessions, header, clock, inline=inline)
                 paths.append(recorder.path)
@@ -55,6 +54,20 @@ async def acquire(order: Order, mount: Mount, clock: Clock, stop: Stop, watch: W
         finally:
             await carry_through(close_all(bench, clock))
     return paths
+
+
+async def _connected(bench: Bench, clock: Clock, stop: Stop, script: Script) -> tuple[Instrument, ...]:
+    try:
+        return await stop.or_else(connect_all(bench, clock, script.limits.connect_s))
+    except StopAsked:
+        raise RunError(f"stopped by {stop.reason} while connecting; nothing was recorded") from None
+
+
+async def _pause(clock: Clock, stop: Stop, script: Script) -> None:
+    try:
+        await stop.until(clock, clock.mono_ns() + round(script.pause_s * NS))
+    except StopAsked:
+        raise RunError(f"stopped by {stop.reason} between two tests of {script.test}") from None
 
 
 def shutter_times(camera: Camera, wanted_s: Sequence[float]) -> tuple[float, ...]:

@@ -81,9 +81,9 @@ class _Test:
         await self.steps.check_clock()
         async with asyncio.TaskGroup() as group:
             impatience = group.create_task(self._impatience())
-            await self._home()
-            if not self.given.stop.requested:
-                await self._in_time()
+            for part in (self._home, self._in_time):
+                if not self.given.stop.requested:
+                    await part()
             impatience.cancel()
         if self.given.stop.requested:
             raise self._interrupted()

@@ -216,13 +216,15 @@ class Session:
             raise DataError(f"{self.path / journal.FILE}: a {kind} entry cannot be understood: {error}") from error
 
 
+def session_paths(folder: Path) -> list[Path]:
+    """Folders of the sessions in a folder, oldest first; what is none is passed over."""
+    paths = sorted(folder.iterdir()) if folder.is_dir() else []
+    return [p for p in paths if not p.name.startswith(".") and (p / HEADER).is_file()]
+
+
 def list_sessions(folder: Path) -> list[Session]:
-    """The sessions in a folder, oldest first; what is none is passed over."""
-    found = []
-    for path in sorted(folder.iterdir()) if folder.is_dir() else []:
-        if not path.name.startswith(".") and (path / HEADER).is_file():
-            found.append(Session.open(path))
-    return found
+    """The sessions in a folder, oldest first; raises `DataError` for one that cannot be read."""
+    return [Session.open(path) for path in session_paths(folder)]
 
 
 def _floats(values: "Iterator[float | None]") -> NDArray[np.float64]:

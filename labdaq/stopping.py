@@ -43,6 +43,21 @@ class Stop:
                 return (clock.mono_ns() - due_ns) / NS
         raise StopAsked
 
+    async def or_else(self, work: Coroutine[Any, Any, T]) -> T:
+        """Do ``work`` that may be broken off at any await; cancel it and raise `StopAsked` when somebody asks."""
+        task = asyncio.ensure_future(work)
+        asked = asyncio.ensure_future(self._asked.wait())
+        try:
+            await asyncio.wait((task, asked), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            asked.cancel()
+            if not task.done():
+                task.cancel()
+                await asyncio.wait((task,))
+        if task.cancelled():
+            raise StopAsked
+        return task.result()
+
     async def patience_is_over(self, clock: Clock, grace_s: float) -> None:
         """Return when steps under way have had their time: ``grace_s`` after the first wish [s], or at the second."""
         await self._asked.wait()

@@ -11,7 +11,7 @@ import msgspec
 from labdaq.cli.files import json_option
 from labdaq.clock import NS, SystemClock, utc_text
 from labdaq.errors import DataError
-from labdaq.session import Session, list_sessions
+from labdaq.session import Session, session_paths
 
 
 @click.group("session", short_help="List, show and verify recorded sessions.")
@@ -23,16 +23,23 @@ def command() -> None:
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), default="sessions")
 @json_option
 def ls(folder: Path, as_json: bool) -> None:
-    """List the sessions in FOLDER (by default ./sessions), oldest first."""
-    for session in list_sessions(folder):
-        line = _summary(session)
+    """List the sessions in FOLDER (by default ./sessions), oldest first; exit code 65 when one cannot be read."""
+    damaged = []
+    for path in session_paths(folder):
+        try:
+            line = _summary(Session.open(path))
+        except DataError as error:
+            damaged.append(error.message)
+            continue
         if as_json:
             click.echo(json.dumps(line))
         else:
             click.echo(
                 f"{line['started']}  {line['test']:<12} {line['system']:<8} {line['sky']:<14} {line['outcome']:<12} "
-                f"{line['photos']:>3} photos {line['readings']:>5} readings  {session.path.name}"
+                f"{line['photos']:>3} photos {line['readings']:>5} readings  {path.name}"
             )
+    if damaged:
+        raise DataError("\n".join(damaged), "`labdaq session verify` tells good from bad")
 
 
 @command.command("show")

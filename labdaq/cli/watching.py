@@ -23,6 +23,7 @@ from labdaq.records import (
     TakenReading,
 )
 from labdaq.steps import Watch
+from labdaq.units import Unit
 
 
 def emit(event: dict[str, Any]) -> None:
@@ -141,7 +142,7 @@ def bars(order: Order) -> Iterator[Watch]:
                 for task in tasks.values():
                     progress.reset(task)
                 progress.console.print(f"test {body.test}: {body.system}, {body.sky}, {body.started}")
-            if isinstance(body, TakenReading) and body.reading.value is not None:
+            if isinstance(body, TakenReading) and body.reading.value is not None and body.reading.unit is not Unit.ONE:
                 _advance(body.step, last=f"{body.reading.value:.4g} {body.reading.unit}")
             if isinstance(body, StoredPhoto):
                 _advance(body.step, last=f"{body.nominal_exposure_s:g} s")

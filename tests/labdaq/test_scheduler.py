@@ -234,6 +234,28 @@ def test_the_operator_may_stop_it(tmp_path: Path, times: int) -> None:
     assert all(device.open == 0 for device in lab.bench.devices)  # type: ignore[attr-defined]
 
 
+def test_stopped_while_connecting_or_between_tests(tmp_path: Path) -> None:
+    async def stopped(after_s: float) -> str:
+        clock = VirtualClock(START)
+        task = asyncio.ensure_future(lab.take(order(tmp_path, "repeats = 2\npause_s = 1000")))
+        await clock.sleep(after_s)
+        assert lab.stop
+        lab.stop.request("SIGINT")
+        with pytest.raises(RunError) as caught:
+            await task
+        assert clock.mono_ns() / NS < after_s + 0.1
+        assert lab.bench
+        assert all(device.open == 0 for device in lab.bench.devices)  # type: ignore[attr-defined]
+        return str(caught.value)
+
+    lab = Lab()
+    assert "while connecting; nothing was recorded" in run_virtual(stopped(0.1))
+    assert not list(tmp_path.iterdir())
+    lab = Lab()
+    assert "between two tests of T18" in run_virtual(stopped(500.0))
+    assert [s.outcome for s in list_sessions(tmp_path)] == ["finished"]
+
+
 def test_stopped_while_homing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def slow(self: FakeArm) -> None:
         self.parked = False
