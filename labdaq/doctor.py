@@ -19,6 +19,9 @@ from labdaq.stopping import carry_through
 CONNECT_S: Final = 30.0
 READ_S: Final = 10.0
 
+SCAN_S: Final = 1.0
+"""Analog modules that were just switched on have values only after a scan of all channels [s]."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -57,7 +60,7 @@ async def examine_bench(bench: Bench, clock: Clock) -> list[Finding]:
     async def look(device: Device) -> Finding:
         who = await connect(device, clock, CONNECT_S)
         async with clock.timeout(READ_S):
-            readings, extra = await _readings(bench, device)
+            readings, extra = await _readings(bench, device, clock)
         return _present(who, readings, extra)
 
     try:
@@ -68,7 +71,7 @@ async def examine_bench(bench: Bench, clock: Clock) -> list[Finding]:
     return [f if isinstance(f, Finding) else _missing(place_of(d).instrument, place_of(d).port, f) for d, f in pairs]
 
 
-async def _readings(bench: Bench, device: Device) -> tuple[Sequence[Reading], str]:
+async def _readings(bench: Bench, device: Device, clock: Clock) -> tuple[Sequence[Reading], str]:
     """A reading of a device, and what else is worth telling."""
     for luminance in bench.luminance:
         if device is luminance:
@@ -77,6 +80,7 @@ async def _readings(bench: Bench, device: Device) -> tuple[Sequence[Reading], st
         if device is chroma:
             return await chroma.measure(), ""
     if device is bench.goniophotometer:
+        await clock.sleep(SCAN_S)
         return await bench.goniophotometer.read(), ""
     times = bench.camera.exposures_s
     return [], f"{len(times)} shutter times, {_shutter(min(times))} to {_shutter(max(times))}" if times else (
@@ -108,7 +112,7 @@ def _present(who: Instrument, readings: Sequence[Reading], extra: str) -> Findin
 
 
 def _shown(reading: Reading) -> str:
-    value = "no value" if reading.value is None else f"{reading.value:.4g} {reading.unit}"
+    value = "no value" if reading.value is None else f"{reading.value:.4g} {reading.unit}".removesuffix(" 1")
     flags = f" ({' '.join(reading.flags)})" if reading.flags else ""
     return f"{reading.channel} {value}{flags}"
 

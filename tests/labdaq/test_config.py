@@ -201,7 +201,7 @@ def test_defaults_are_the_report_s() -> None:
     assert script.scan.c_planes_deg == tuple(22.5 * k for k in range(16))
     arm = Station.built_in().goniometer
     assert arm.channels == tuple(f"gonio.g{g}" for g in (0, 5, 15, 25, 35, 45, 55, 65, 75, 85))
-    assert arm.sensitivities_v_per_lx == (0.002,) * 10
+    assert arm.sensitivities_v_per_lx == (0.003,) * 10
 
 
 def test_certificates_are_hashed_and_expire(tmp_path: Path) -> None:

@@ -1,0 +1,138 @@
+"""Start the emulators that a station file asks for, and say how each is reached.
+
+All of them observe one world at one clock. Their lines are pseudo-terminals and TCP ports, or memory where time is
+virtual; the bytes on them are the same.
+"""
+
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import dataclass, field
+from typing import Any
+
+import simulators.camera
+import simulators.cl200
+import simulators.goniophotometer
+import simulators.ls110
+from labdaq import equipment
+from labdaq.clock import Clock
+from labdaq.errors import ConfigError, Problems
+from labdaq.pipe import PipeEnd
+from labdaq.station import Station
+from simulators.line import MemoryPort, Port, Wire, open_pty, open_tcp
+from simulators.world.observed import World
+
+Serve = Callable[[Wire], Coroutine[Any, Any, None]]
+
+
+@dataclass
+class Reached:
+    """Where one emulator is reached: at a port that drivers know, or by dialling a line in memory."""
+
+    port: str = ""
+    dial: Callable[[], PipeEnd] | None = None
+
+
+@dataclass
+class Emulators:
+    """The emulators of a station that run now.
+
+    Attributes
+    ----------
+    reached
+        Name in the station file to where the emulator is.
+    parts
+        Name to the emulator itself, for tests to spoil.
+    """
+
+    reached: dict[str, Reached] = field(default_factory=dict)
+    parts: dict[str, Any] = field(default_factory=dict)
+
+
+@contextlib.asynccontextmanager
+async def emulators(
+    station: Station, world: World, clock: Clock, *, memory: bool, raw: bool = False
+) -> AsyncIterator[Emulators]:
+    """Run an emulator for each instrument of the station whose port says so, until the context ends.
+
+    ``raw``: the camera is set to RAW pictures. Raises `ConfigError` for what the emulators cannot imitate, and on
+    leaving whatever went wrong inside an emulator.
+    """
+    _refuse_what_cannot_be(station, raw)
+    running = Emulators()
+    pacing = station.emulation is None or station.emulation.pacing
+    async with contextlib.AsyncExitStack() as stack:
+        for number, entry in enumerate(e for e in station.instrument if e.emulated):
+            seed = (station.emulation.seed if station.emulation else 0) * 1000 + number
+            part, serve = _emulator(entry, station, world, clock, seed, pacing=pacing, raw=raw)
+            running.parts[entry.name] = part
+            if memory:
+                line = MemoryPort(serve, f"memory:{entry.name}")
+                reached = Reached(line.endpoint, line.dial)
+                port: Port = line
+            elif isinstance(entry, equipment.Camera):
+                port = await open_tcp(serve)
+                reached = Reached(f"ptpip://{port.endpoint}")
+            else:
+                port = open_pty(serve)
+                reached = Reached(port.endpoint)
+            stack.push_async_callback(port.aclose)
+            running.reached[entry.name] = reached
+        yield running
+
+
+def _emulator(
+    entry: equipment.AnyInstrument, station: Station, world: World, clock: Clock, seed: int, *, pacing: bool, raw: bool
+) -> tuple[Any, Serve]:
+    """One emulator, and its end of any line."""
+    match entry:
+        case equipment.Ls110():
+            spot = simulators.ls110.LuminanceMeter(world, clock, simulators.ls110.LuminanceMeterOptions(), seed)
+            return spot, simulators.ls110.LuminanceMeterWire(spot, clock, pacing=pacing).serve
+        case equipment.Cl200():
+            disc_deg = station.shading_disc.half_angle_deg
+            heads = tuple(
+                simulators.cl200.Head(number, simulators.cl200.LevelHead(disc_deg if channel in entry.shaded else 0.0))
+                for channel, number in entry.heads.items()
+            )
+            chroma = simulators.cl200.ChromaMeter(world, clock, simulators.cl200.ChromaMeterOptions(heads=heads), seed)
+            return chroma, simulators.cl200.ChromaMeterWire(chroma, clock, pacing=pacing).serve
+        case equipment.Camera():
+            disc = simulators.camera.ShadingDisc(half_angle_deg=station.shading_disc.half_angle_deg)
+            options = simulators.camera.CameraOptions(
+                profile=entry.profile,
+                picture="raw" if raw else "jpeg",
+                optics=simulators.camera.Optics(disc=disc),
+            )
+            camera = simulators.camera.Camera(world, clock, options, seed)
+            return camera, simulators.camera.PtpIpFront(camera, clock).serve
+        case equipment.Goniophotometer():
+            arm = simulators.goniophotometer.Goniophotometer(world, clock, _arm(entry, station), seed, pacing=pacing)
+            return arm, arm.rtu.serve
+
+
+def _arm(entry: equipment.Goniophotometer, station: Station) -> simulators.goniophotometer.GoniophotometerOptions:
+    """An arm whose heads are as the station's certificates have them."""
+    import numpy as np
+
+    sensitivity = np.array(station.goniometer.sensitivities_v_per_lx)
+    dark_v = np.array(station.goniometer.darks_v)
+    common = float(sensitivity.mean())
+    chain = simulators.goniophotometer.SensorChain()
+    chain = simulators.goniophotometer.SensorChain(transimpedance_ohm=common / chain.sensitivity_a_per_lx)
+    return simulators.goniophotometer.GoniophotometerOptions(
+        gammas_deg=station.goniometer.gammas_deg,
+        motor_unit=entry.motor_unit,
+        sensor_units=entry.sensor_units,
+        baud=entry.baud,
+        parity=entry.parity,
+        chain=chain,
+        sensors=simulators.goniophotometer.ImperfectSensors(gain=sensitivity / common, offset_lx=dark_v / common),
+    )
+
+
+def _refuse_what_cannot_be(station: Station, raw: bool) -> None:
+    problems = Problems(f"station '{station.name}'")
+    for entry in (e for e in station.instrument if e.emulated):
+        if isinstance(entry, equipment.Camera) and raw and entry.profile == "coolpix5400":
+            problems.add(f"instrument[{entry.name}]", "an emulated coolpix5400 has no RAW pictures")
+    problems.raise_if_any(ConfigError)
