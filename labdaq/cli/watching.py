@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
@@ -35,73 +35,36 @@ def emit(event: dict[str, Any]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+_PLAIN: Final[dict[type[msgspec.Struct], tuple[str, tuple[str, ...]]]] = {
+    StoredPhoto: ("photo", ("step", "file", "sha256", "size", "exposure_s", "nominal_exposure_s")),
+    StepDone: ("step", ("step", "instrument", "took_s")),
+    StepMiss: ("missed", ("step", "instrument", "count")),
+    Fault: ("fault", ("instrument", "step", "error", "message")),
+    Ended: ("end", ("outcome", "reason", "arm")),
+}
+"""Entries whose lines are some of their own fields: the event's name, and which."""
+
+
 def as_event(body: msgspec.Struct, sessions: Path, lateness_s: float) -> dict[str, Any] | None:
     """The line of JSON for an entry that is on disk (docs/formats.md); ``None`` for what is not shown."""
+    event: dict[str, Any] = {}
+    if plain := _PLAIN.get(type(body)):
+        event = {"event": plain[0]} | {name: getattr(body, name) for name in plain[1]}
     match body:
         case Header():
-            return {
-                "event": "session",
-                "test": body.test,
-                "system": body.system,
-                "sky": body.sky,
-                "started": body.started,
-                "session": str(sessions / body.name),
-            }
+            event = {"event": "session"} | {k: getattr(body, k) for k in ("test", "system", "sky", "started")}
+            event["session"] = str(sessions / body.name)
         case TakenReading(step=step, reading=r):
-            return {
-                "event": "reading",
-                "step": step,
-                "utc": utc_text(r.utc_ns),
-                "channel": r.channel,
-                "value": r.value,
-                "unit": str(r.unit),
-                "uncertainty": r.uncertainty,
-                "flags": [str(f) for f in r.flags],
-                "at": r.at,
-            }
+            event = {"event": "reading", "step": step, "utc": utc_text(r.utc_ns)}
+            event |= {k: getattr(r, k) for k in ("channel", "value", "unit", "uncertainty", "flags", "at")}
         case StoredPhoto():
-            return {
-                "event": "photo",
-                "step": body.step,
-                "utc": utc_text(body.utc_ns),
-                "file": body.file,
-                "sha256": body.sha256,
-                "size": body.size,
-                "exposure_s": body.exposure_s,
-                "nominal_exposure_s": body.nominal_exposure_s,
-            }
+            event["utc"] = utc_text(body.utc_ns)
         case StepDone():
-            late = round(lateness_s, 6)
-            return {
-                "event": "step",
-                "step": body.step,
-                "instrument": body.instrument,
-                "lateness_s": late,
-                "took_s": body.took_s,
-            }
-        case StepMiss():
-            return {"event": "missed", "step": body.step, "instrument": body.instrument, "count": body.count}
-        case ClockCheck():
-            return {
-                "event": "clock",
-                "source": body.state.source,
-                "synchronised": body.state.synchronised,
-                "max_error_s": body.state.max_error_s,
-                "good": body.good,
-                "stepped_s": body.stepped_s,
-            }
-        case Fault():
-            return {
-                "event": "fault",
-                "instrument": body.instrument,
-                "step": body.step,
-                "error": body.error,
-                "message": body.message,
-            }
-        case Ended():
-            return {"event": "end", "outcome": body.outcome, "reason": body.reason, "arm": body.arm}
-        case _:
-            return None
+            event["lateness_s"] = round(lateness_s, 6)
+        case ClockCheck(state=state):
+            event = {"event": "clock"} | {k: getattr(state, k) for k in ("source", "synchronised", "max_error_s")}
+            event |= {"good": body.good, "stepped_s": body.stepped_s}
+    return event or None
 
 
 def json_lines(order: Order, started: list[str]) -> Watch:
