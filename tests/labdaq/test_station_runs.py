@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -358,3 +359,19 @@ def test_kill_9_of_a_run_loses_nothing_it_told(tmp_path: Path) -> None:
     assert invoke("session", "seal", str(session.path)).exit_code == 0
     assert verify(session.path).problems == ()
     assert Session.open(session.path).outcome == "crashed"
+
+
+@pytest.mark.parametrize(("sky", "system"), [("clear", "tube"), ("partly-cloudy", "box"), ("overcast", "top")])
+def test_the_emulation_table_shapes_the_world(sky: str, system: str) -> None:
+    data = Station.built_in().model_dump(mode="json")
+    data["emulation"] |= {"sky": sky, "system": system}
+    world, plain = world_of(Station.model_validate(data)), world_of(Station.built_in())
+    noon_ns = utc_ns_of(datetime(2010, 7, 22, 17, 30, tzinfo=UTC))
+    beam = world.sun(noon_ns).normal_illuminance_lx
+    assert {"clear": beam > 9e4, "partly-cloudy": 2e4 < beam < 8e4, "overcast": beam < 1.0}[sky]
+    if sky == "clear":
+        nadir = [w.room_illuminance(np.array([0.0]), 0.0, noon_ns)[0] for w in (world, plain)]
+        assert nadir[0] / nadir[1] == pytest.approx(np.pi * 0.1778**2 / 0.6096**2)  # as the apertures
+    data["emulation"]["cloud_cover"] = 0.5
+    with pytest.raises(ConfigError, match="no drifting clouds"):
+        world_of(Station.model_validate(data))
