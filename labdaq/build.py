@@ -17,7 +17,7 @@ from labdaq.acquisition import Mount
 from labdaq.adapters import BenchArm, BenchCamera
 from labdaq.bench import Bench
 from labdaq.clock import Clock
-from labdaq.emulation import Emulators, Reached, emulators
+from labdaq.emulation import Alter, Emulators, Reached, emulators
 from labdaq.errors import ConfigError, Problems
 from labdaq.ports import PortKind, port_kind
 from labdaq.station import Station
@@ -26,12 +26,20 @@ from simulators.world.observed import World
 COUNTS_PER_DEGREE: Final = 10_000 / 360.0
 
 
-def mount(station: Station, clock: Clock, memory: bool, *, raw: bool = False, world: World | None = None) -> Mount:
+def mount(
+    station: Station,
+    clock: Clock,
+    memory: bool,
+    *,
+    raw: bool = False,
+    world: World | None = None,
+    alter: Alter | None = None,
+) -> Mount:
     """Make what builds the station's bench, with an emulator behind each port that says ``emulated``.
 
     ``memory``: emulators' lines are of memory, as virtual time needs them. ``raw``: the emulated camera is set to RAW
-    pictures. ``world`` is what emulators observe, by default the one of the station's ``[emulation]``. Raises
-    `ConfigError` when the station lacks an instrument that a test needs.
+    pictures. ``world`` is what emulators observe, by default the one of the station's ``[emulation]``; ``alter`` changes
+    the emulators' options. Raises `ConfigError` when the station lacks an instrument that a test needs.
     """
     _refuse_what_is_missing(station)
 
@@ -43,7 +51,7 @@ def mount(station: Station, clock: Clock, memory: bool, *, raw: bool = False, wo
         from labdaq.worlds import world_of
 
         seen = world or world_of(station)
-        async with emulators(station, seen, clock, memory=memory, raw=raw) as running:
+        async with emulators(station, seen, clock, memory=memory, raw=raw, alter=alter) as running:
             yield bench_on(station, clock, running)
 
     return mounted

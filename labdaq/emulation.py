@@ -24,6 +24,11 @@ from simulators.world.observed import World
 Serve = Callable[[Wire], Coroutine[Any, Any, None]]
 
 
+Alter = Callable[[equipment.AnyInstrument, Any], Any]
+"""Given an instrument of the station and its emulator's options, returns the options to use: where something about an
+instrument is concealed, e.g. a crooked arm, it goes in here."""
+
+
 @dataclass
 class Reached:
     """Where one emulator is reached: at a port that drivers know, or by dialling a line in memory."""
@@ -50,11 +55,11 @@ class Emulators:
 
 @contextlib.asynccontextmanager
 async def emulators(
-    station: Station, world: World, clock: Clock, *, memory: bool, raw: bool = False
+    station: Station, world: World, clock: Clock, *, memory: bool, raw: bool = False, alter: Alter | None = None
 ) -> AsyncIterator[Emulators]:
     """Run an emulator for each instrument of the station whose port says so, until the context ends.
 
-    ``raw``: the camera is set to RAW pictures. Raises `ConfigError` for what the emulators cannot imitate, and on
+    ``raw``: the camera is set to RAW pictures. ``alter`` changes the emulators' options. Raises `ConfigError` for what the emulators cannot imitate, and on
     leaving whatever went wrong inside an emulator.
     """
     _refuse_what_cannot_be(station, raw)
@@ -63,7 +68,9 @@ async def emulators(
     async with contextlib.AsyncExitStack() as stack:
         for number, entry in enumerate(e for e in station.instrument if e.emulated):
             seed = (station.emulation.seed if station.emulation else 0) * 1000 + number
-            part, serve = _emulator(entry, station, world, clock, seed, pacing=pacing, raw=raw)
+            options = _options(entry, station, raw=raw)
+            options = alter(entry, options) if alter else options
+            part, serve = _emulator(options, world, clock, seed, pacing=pacing)
             running.parts[entry.name] = part
             if memory:
                 line = MemoryPort(serve, f"memory:{entry.name}")
@@ -80,34 +87,43 @@ async def emulators(
         yield running
 
 
-def _emulator(
-    entry: equipment.AnyInstrument, station: Station, world: World, clock: Clock, seed: int, *, pacing: bool, raw: bool
-) -> tuple[Any, Serve]:
-    """One emulator, and its end of any line."""
+def _options(entry: equipment.AnyInstrument, station: Station, *, raw: bool) -> Any:
+    """How the emulator of an instrument is set up, as the station has it."""
+    disc_deg = station.shading_disc.half_angle_deg
     match entry:
         case equipment.Ls110():
-            spot = simulators.ls110.LuminanceMeter(world, clock, simulators.ls110.LuminanceMeterOptions(), seed)
-            return spot, simulators.ls110.LuminanceMeterWire(spot, clock, pacing=pacing).serve
+            return simulators.ls110.LuminanceMeterOptions()
         case equipment.Cl200():
-            disc_deg = station.shading_disc.half_angle_deg
             heads = tuple(
                 simulators.cl200.Head(number, simulators.cl200.LevelHead(disc_deg if channel in entry.shaded else 0.0))
                 for channel, number in entry.heads.items()
             )
-            chroma = simulators.cl200.ChromaMeter(world, clock, simulators.cl200.ChromaMeterOptions(heads=heads), seed)
-            return chroma, simulators.cl200.ChromaMeterWire(chroma, clock, pacing=pacing).serve
+            return simulators.cl200.ChromaMeterOptions(heads=heads)
         case equipment.Camera():
-            disc = simulators.camera.ShadingDisc(half_angle_deg=station.shading_disc.half_angle_deg)
-            options = simulators.camera.CameraOptions(
-                profile=entry.profile,
-                picture="raw" if raw else "jpeg",
-                optics=simulators.camera.Optics(disc=disc),
+            optics = simulators.camera.Optics(disc=simulators.camera.ShadingDisc(half_angle_deg=disc_deg))
+            return simulators.camera.CameraOptions(
+                profile=entry.profile, picture="raw" if raw else "jpeg", optics=optics
             )
+        case equipment.Goniophotometer():
+            return _arm(entry, station)
+
+
+def _emulator(options: Any, world: World, clock: Clock, seed: int, *, pacing: bool) -> tuple[Any, Serve]:
+    """One emulator, and its end of any line."""
+    match options:
+        case simulators.ls110.LuminanceMeterOptions():
+            spot = simulators.ls110.LuminanceMeter(world, clock, options, seed)
+            return spot, simulators.ls110.LuminanceMeterWire(spot, clock, pacing=pacing).serve
+        case simulators.cl200.ChromaMeterOptions():
+            chroma = simulators.cl200.ChromaMeter(world, clock, options, seed)
+            return chroma, simulators.cl200.ChromaMeterWire(chroma, clock, pacing=pacing).serve
+        case simulators.camera.CameraOptions():
             camera = simulators.camera.Camera(world, clock, options, seed)
             return camera, simulators.camera.PtpIpFront(camera, clock).serve
-        case equipment.Goniophotometer():
-            arm = simulators.goniophotometer.Goniophotometer(world, clock, _arm(entry, station), seed, pacing=pacing)
+        case simulators.goniophotometer.GoniophotometerOptions():
+            arm = simulators.goniophotometer.Goniophotometer(world, clock, options, seed, pacing=pacing)
             return arm, arm.rtu.serve
+    raise TypeError(f"no emulator takes {type(options).__name__}")
 
 
 def _arm(entry: equipment.Goniophotometer, station: Station) -> simulators.goniophotometer.GoniophotometerOptions:

@@ -10,7 +10,9 @@ import sys
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from labdaq.cli import cli
 from labdaq.clock import VirtualClock, utc_ns_of
 from labdaq.config import parse
 from labdaq.emulation import Emulators, emulators
+from labdaq.equipment import AnyInstrument
 from labdaq.errors import ConfigError, DeviceError, LabdaqError, RefusedError
 from labdaq.headers import Order
 from labdaq.reading import Flag
@@ -36,6 +39,7 @@ from labdaq.station import Station
 from labdaq.stopping import Stop
 from labdaq.virtual_time import run_virtual
 from labdaq.worlds import world_of
+from simulators.goniophotometer import BentArm
 
 HOME = Path(__file__).parents[2]
 GREENWOOD = HOME / "labdaq" / "examples" / "greenwood-test.toml"
@@ -118,6 +122,19 @@ def test_raw_pictures_are_asked_for_and_missed(tmp_path: Path) -> None:
         run(order, mount, virtual=True)
     (path,) = run(order, lambda *given: mount(*given, raw=True), virtual=True)
     assert [Path(p.file).suffix for p in Session.open(path).photos()] != [".jpg"]
+
+
+def test_something_may_be_concealed_in_an_instrument(tmp_path: Path) -> None:
+    def crooked(entry: AnyInstrument, options: Any) -> Any:
+        if entry.kind == "goniophotometer":
+            return replace(options, arm=BentArm(c_offset_deg=30.0))
+        return options
+
+    values = []
+    for name, alter in (("true", None), ("crooked", crooked)):
+        (path,) = run(short(tmp_path / name), partial(mount, alter=alter), virtual=True)
+        values.append(Session.open(path).readings("gonio.g65").value)
+    assert np.max(np.abs(values[1] / values[0] - 1)) > 0.05
 
 
 def spoilt(folder: Path, when_s: float, spoil: Callable[[Emulators], None]) -> tuple[LabdaqError, Emulators]:
