@@ -38,8 +38,8 @@ def mount(
     """Make what builds the station's bench, with an emulator behind each port that says ``emulated``.
 
     ``memory``: emulators' lines are of memory, as virtual time needs them. ``raw``: the emulated camera is set to RAW
-    pictures. ``world`` is what emulators observe, by default the one of the station's ``[emulation]``; ``alter`` changes
-    the emulators' options. Raises `ConfigError` when the station lacks an instrument that a test needs.
+    pictures. ``world`` is what emulators observe, by default the one of the station's ``[emulation]``; ``alter``
+    changes the emulators' options. Raises `ConfigError` when the station lacks an instrument that a test needs.
     """
     _refuse_what_is_missing(station)
 

@@ -59,8 +59,8 @@ async def emulators(
 ) -> AsyncIterator[Emulators]:
     """Run an emulator for each instrument of the station whose port says so, until the context ends.
 
-    ``raw``: the camera is set to RAW pictures. ``alter`` changes the emulators' options. Raises `ConfigError` for what the emulators cannot imitate, and on
-    leaving whatever went wrong inside an emulator.
+    ``raw``: the camera is set to RAW pictures. ``alter`` changes the emulators' options. Raises `ConfigError` for what
+    the emulators cannot imitate, and on leaving whatever went wrong inside an emulator.
     """
     _refuse_what_cannot_be(station, raw)
     running = Emulators()
