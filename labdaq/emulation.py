@@ -7,7 +7,7 @@ virtual; the bytes on them are the same.
 import contextlib
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import simulators.camera
 import simulators.cl200
@@ -23,6 +23,9 @@ from simulators.world.observed import World
 
 Serve = Callable[[Wire], Coroutine[Any, Any, None]]
 
+
+TRANSIMPEDANCE_OHM: Final = 1.0e7
+"""Of the emulated heads' amplifiers; the station file knows only the product with the heads' sensitivity."""
 
 Alter = Callable[[equipment.AnyInstrument, Any], Any]
 """Given an instrument of the station and its emulator's options, returns the options to use: where something about an
@@ -128,21 +131,18 @@ def _emulator(options: Any, world: World, clock: Clock, seed: int, *, pacing: bo
 
 def _arm(entry: equipment.Goniophotometer, station: Station) -> simulators.goniophotometer.GoniophotometerOptions:
     """An arm whose heads are as the station's certificates have them."""
-    import numpy as np
-
-    sensitivity = np.array(station.goniometer.sensitivities_v_per_lx)
-    dark_v = np.array(station.goniometer.darks_v)
-    common = float(sensitivity.mean())
-    chain = simulators.goniophotometer.SensorChain()
-    chain = simulators.goniophotometer.SensorChain(transimpedance_ohm=common / chain.sensitivity_a_per_lx)
+    geometry = station.goniometer
     return simulators.goniophotometer.GoniophotometerOptions(
-        gammas_deg=station.goniometer.gammas_deg,
+        gammas_deg=geometry.gammas_deg,
         motor_unit=entry.motor_unit,
         sensor_units=entry.sensor_units,
         baud=entry.baud,
         parity=entry.parity,
-        chain=chain,
-        sensors=simulators.goniophotometer.ImperfectSensors(gain=sensitivity / common, offset_lx=dark_v / common),
+        chain=simulators.goniophotometer.SensorChain(
+            sensitivity_a_per_lx=tuple(s / TRANSIMPEDANCE_OHM for s in geometry.sensitivities_v_per_lx),
+            transimpedance_ohm=TRANSIMPEDANCE_OHM,
+            offset_v=geometry.darks_v,
+        ),
     )
 
 

@@ -59,10 +59,18 @@ def short(folder: Path, more: str = "") -> Order:
     return Order(Station.built_in(), parse(more + SHORT, Script, "short"), folder)
 
 
+def uneven() -> Station:
+    """The built-in station, with heads that differ in sensitivity and dark voltage."""
+    data = Station.built_in().model_dump(mode="json")
+    data["goniometer"]["sensitivity_v_per_lx"] = [0.003 * (1 + 0.02 * (k % 3 - 1)) for k in range(10)]
+    data["goniometer"]["dark_v"] = [0.002 * k for k in range(10)]
+    return Station.model_validate(data)
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """The report's test, in virtual time."""
-    order = Order(Station.built_in(), Script.load(GREENWOOD), tmp_path_factory.mktemp("sessions"), None, GREENWOOD)
+    order = Order(uneven(), Script.load(GREENWOOD), tmp_path_factory.mktemp("sessions"), None, GREENWOOD)
     (path,) = run(order, mount, virtual=True)
     return Session.open(path)
 
