@@ -252,6 +252,7 @@ async def on_ip(
         await camera.aclose()
         await link.aclose()
         await asyncio.sleep(0.001)
+        tasks += front.telling
         for task in tasks:
             task.cancel()
         ends = await asyncio.gather(*tasks, return_exceptions=True)

@@ -257,7 +257,8 @@ def test_python_gphoto2_takes_a_picture(station: dict[str, str]) -> None:
         assert camera.get_single_config("shutterspeed").get_value() == "0.0005s"
         taken = camera.capture(gp.GP_CAPTURE_IMAGE)
         assert (taken.folder, taken.name) == ("/store_00010001/DCIM/100NIKON", "DSCN0001.JPG")
-        picture = bytes(camera.file_get(taken.folder, taken.name, gp.GP_FILE_TYPE_NORMAL).get_data_and_size())
+        file = camera.file_get(taken.folder, taken.name, gp.GP_FILE_TYPE_NORMAL)
+        picture = bytes(file.get_data_and_size())  # a view of the file's memory: the file must outlive it
         assert picture[:4] == b"\xff\xd8\xff\xe1"
         assert picture[-2:] == b"\xff\xd9"
         camera.file_delete(taken.folder, taken.name)
