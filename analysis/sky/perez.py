@@ -13,13 +13,13 @@ lowest ten degrees, and a sky the coefficients make impossible is clamped and fl
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.sky.clearness import Condition, clearness_class, from_illuminances
+from analysis.sky.quadrature import hemisphere_nodes
 from labdaq.directions import angle_between, sky_vector
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ class PerezSky:
         """Make the sky of a condition that gives ``diffuse_lx`` [lx] on the horizontal, integrated exactly."""
         zenith = math.radians(min(max(90.0 - sun_altitude_deg, 0.0), 90.0))
         coefficients, flags = perez_coefficients(condition, zenith)
-        cosine, gamma, weight = _hemisphere(round(zenith, 9))
+        cosine, gamma, weight = hemisphere_nodes(round(zenith, 9))
         relative, clipped = _relative(coefficients, cosine, gamma)
         if clipped:
             flags.append("negative-clipped")
@@ -163,25 +163,3 @@ def _relative(
     up = cosine >= 0.0
     clipped = bool(np.any(up & ((gradation < 0.0) | (indicatrix < 0.0))))
     return np.maximum(gradation, 0.0) * np.maximum(indicatrix, 0.0), clipped
-
-
-@lru_cache(maxsize=64)
-def _hemisphere(zenith_rad: float) -> tuple[Floats, Floats, Floats]:
-    """Nodes over the hemisphere for a sun at ``zenith_rad``: cosine to the zenith, angle to the sun, solid angle.
-
-    Gauss-Legendre rules in zenith angle, above and below the sun, and in azimuth from the sun; both crowd towards the
-    sun, where exp(d gamma) has its cusp.
-    """
-    t, w = np.polynomial.legendre.leggauss(48)
-    t, w = (t + 1.0) / 2.0, w / 2.0
-    square, dsquare = t * t, 2.0 * t * w
-    zeta = np.concatenate([zenith_rad * (1.0 - square), zenith_rad + (np.pi / 2 - zenith_rad) * square])
-    w_zeta = np.concatenate([zenith_rad * dsquare, (np.pi / 2 - zenith_rad) * dsquare])
-    phi, w_phi = np.pi * t**3, 3.0 * np.pi * t * t * w
-    sun = np.array([math.sin(zenith_rad), 0.0, math.cos(zenith_rad)])
-    s = np.sin(zeta)[:, None]
-    c = np.broadcast_to(np.cos(zeta)[:, None], (len(zeta), len(phi)))
-    vectors = np.stack([s * np.cos(phi), s * np.sin(phi), c], axis=-1)
-    gamma = np.radians(angle_between(vectors, sun))
-    weight = 2.0 * w_zeta[:, None] * w_phi * s  # twice: azimuths on both sides of the sun
-    return c, gamma, weight

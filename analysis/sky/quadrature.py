@@ -1,0 +1,33 @@
+"""Integration over a sky that has one bright point: the sun's aureole."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from labdaq.directions import angle_between
+
+Floats = NDArray[np.float64]
+
+
+@lru_cache(maxsize=64)
+def hemisphere_nodes(zenith_rad: float) -> tuple[Floats, Floats, Floats]:
+    """Nodes over the hemisphere for a sun at ``zenith_rad``: cosine to the zenith, angle to the sun, solid angle.
+
+    Gauss-Legendre rules in zenith angle, above and below the sun, and in azimuth from the sun; both crowd towards the
+    sun, where exp(d gamma) has its cusp.
+    """
+    t, w = np.polynomial.legendre.leggauss(48)
+    t, w = (t + 1.0) / 2.0, w / 2.0
+    square, dsquare = t * t, 2.0 * t * w
+    zeta = np.concatenate([zenith_rad * (1.0 - square), zenith_rad + (np.pi / 2 - zenith_rad) * square])
+    w_zeta = np.concatenate([zenith_rad * dsquare, (np.pi / 2 - zenith_rad) * dsquare])
+    phi, w_phi = np.pi * t**3, 3.0 * np.pi * t * t * w
+    sun = np.array([math.sin(zenith_rad), 0.0, math.cos(zenith_rad)])
+    s = np.sin(zeta)[:, None]
+    c = np.broadcast_to(np.cos(zeta)[:, None], (len(zeta), len(phi)))
+    vectors = np.stack([s * np.cos(phi), s * np.sin(phi), c], axis=-1)
+    gamma = np.radians(angle_between(vectors, sun))
+    weight = 2.0 * w_zeta[:, None] * w_phi * s  # twice: azimuths on both sides of the sun
+    return c, gamma, weight
