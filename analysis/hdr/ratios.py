@@ -1,0 +1,108 @@
+"""Exposure times, refined from what the exposures show.
+
+The ratio of two exposure times is the ratio of their summed signals over places where both are good. Places are
+chosen by the value predicted for them, not by what was read there, so that noise does not choose. All ratios and the
+times the camera told (each taken as good to 3 %) are fitted by least squares on the logarithm. What a common factor of
+all times would do to the level cannot be seen. Nor can a real change of the scene's brightness be told from an error of
+a time: it is taken for one, so the merged picture shows the scene at its mean.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.hdr.noise import Noise, estimate
+
+Floats = NDArray[np.float64]
+
+PRIOR_SD: Final = 0.03
+"""How far a time may be from what the camera tells (standard deviation of its logarithm)."""
+
+_PAIR_SD: Final = 2e-4  # of a ratio, beyond its noise: black level, linearity
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Refined times.
+
+    Attributes
+    ----------
+    times_s : shape (F,) [s]
+    relative_sd : shape (F,)
+        Standard uncertainty of each time relative to the others.
+    pairs
+        How many ratios were measured.
+    residual
+        Root mean square of ln(measured ratio / fitted ratio).
+    """
+
+    times_s: Floats
+    relative_sd: Floats
+    pairs: int
+    residual: float
+
+    def record(self, told_s: Floats) -> dict[str, Any]:
+        """JSON-able account of what was changed."""
+        return {
+            "pairs": self.pairs,
+            "residual_ln": round(self.residual, 6),
+            "change_percent": [round(float(v), 3) for v in 100.0 * (self.times_s / told_s - 1.0)],
+            "relative_sd_percent": [round(float(v), 4) for v in 100.0 * self.relative_sd],
+        }
+
+
+def refine_times(signals: Floats, times: Floats, noise: Noise, hard: float) -> Refined:
+    """Refine the times of F exposures from linear signals of the same P places.
+
+    Parameters
+    ----------
+    signals : shape (F, P)
+    times : shape (F,) [s]
+        As the camera tells.
+    noise
+        Of the signals, for the weights.
+    hard
+        Limit beyond which a signal is not used.
+    """
+    told = np.log(times)
+    now = told.copy()
+    design, ratios, variances = np.zeros((0, len(times))), np.zeros(0), np.zeros(0)
+    for _ in range(3):
+        x = estimate(signals, np.exp(now), noise, hard)
+        design, ratios, variances = _ratios(signals, np.exp(now), x, noise, hard)
+        weight = 1.0 / variances
+        normal = design.T @ (weight[:, None] * design) + np.eye(len(times)) / PRIOR_SD**2
+        now = np.linalg.solve(normal, design.T @ (weight * ratios) + told / PRIOR_SD**2)
+    covariance = np.linalg.inv(normal)
+    # relative to the mean of all: the common factor is only as good as the prior, and does not matter
+    centre = np.eye(len(times)) - 1.0 / len(times)
+    sd = np.sqrt(np.diag(centre @ covariance @ centre))
+    residual = float(np.sqrt(np.mean((design @ now - ratios) ** 2))) if len(ratios) else 0.0
+    return Refined(np.exp(now), sd, len(ratios), residual)
+
+
+def _ratios(signals: Floats, times: Floats, x: Floats, noise: Noise, hard: float) -> tuple[Floats, Floats, Floats]:
+    """Design (n, F), logarithms of signal ratios (n,) and their variances (n,) of neighbours and next but one."""
+    order = np.argsort(-times)
+    design, ratios, variances = [], [], []
+    for a in range(len(order)):
+        for b in (a + 1, a + 2):
+            if b >= len(order):
+                continue
+            i, j = order[a], order[b]
+            p, q = x * times[i], x * times[j]
+            good = np.isfinite(x) & (p < 0.8 * hard) & (signals[i] < hard) & (p > 0.03 * hard) & (q > 0.004 * hard)
+            if np.count_nonzero(good) < 50:
+                continue
+            top, bottom = float(signals[i][good].sum()), float(signals[j][good].sum())
+            if top <= 0.0 or bottom <= 0.0:
+                continue
+            row = np.zeros(len(order))
+            row[i], row[j] = 1.0, -1.0
+            design.append(row)
+            ratios.append(np.log(top / bottom))
+            spread = noise.variance(p[good]).sum() / top**2 + noise.variance(q[good]).sum() / bottom**2
+            variances.append(float(spread) + _PAIR_SD**2)
+    return np.array(design).reshape(-1, len(order)), np.array(ratios), np.array(variances)
