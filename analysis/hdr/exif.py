@@ -19,6 +19,9 @@ _MODEL, _EXPOSURE, _F_NUMBER, _ISO, _TAKEN = 0x0110, 0x829A, 0x829D, 0x8827, 0x9
 _SHUTTER_APEX, _APERTURE_APEX = 0x9201, 0x9202
 _STRIP_OFFSETS, _STRIP_LENGTHS, _TILE_OFFSETS, _TILE_LENGTHS, _SUB_IFDS = 0x0111, 0x0117, 0x0144, 0x0145, 0x014A
 
+_MATRICES: Final = ((0xC621, 0xC65A), (0xC622, 0xC65B))  # ColorMatrix1 and 2 with their CalibrationIlluminant
+_D65: Final = 21
+
 Number = int | float
 
 
@@ -137,6 +140,26 @@ def read_exif(path: Path) -> Exif:
         taken=tiff.text(first[_TAKEN]) if _TAKEN in first else "",
         model=tiff.text(first[_MODEL]) if _MODEL in first else "",
     )
+
+
+def dng_matrix(data: bytes) -> list[float] | None:
+    """Nine numbers from CIE XYZ to the camera, row by row, of a DNG's bytes; ``None`` when it has none.
+
+    Of two matrices the one for D65 is taken (DNG specification 1.4, ColorMatrix1 and 2): the sky is nearer to it.
+    LibRaw knows matrices by camera model only.
+    """
+    try:
+        tiff = _Tiff(data)
+    except ValueError:
+        return None
+    found: list[tuple[bool, list[float]]] = []
+    for tags in tiff.directories():
+        for matrix, illuminant in _MATRICES:
+            values = tiff.numbers(tags[matrix]) if matrix in tags else []
+            if len(values) == 9:
+                light = tiff.numbers(tags[illuminant]) if illuminant in tags else []
+                found.append((light == [_D65], [float(v) for v in values]))
+    return max(found, key=lambda pair: pair[0])[1] if found else None
 
 
 def tiff_block(data: bytes) -> bytes:

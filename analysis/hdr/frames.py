@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.hdr.exif import missing_end
+from analysis.hdr.exif import dng_matrix, missing_end
 from labdaq.errors import DataError
 
 Codes = NDArray[Any]
@@ -115,7 +115,7 @@ def _read_raw(path: Path, data: bytes) -> Frame:
                     f"{path}: not a plain mosaic (stacked or linear raw)", "merge its developed TIFF instead"
                 )
             codes = np.array(raw.raw_image_visible)
-            return Frame(codes, _sensor(raw, path))
+            return Frame(codes, _sensor(raw, path, dng_matrix(data)))
     except rawpy.LibRawError as error:
         text = error.args[0].decode() if error.args and isinstance(error.args[0], bytes) else str(error)
         raise DataError(
@@ -123,8 +123,8 @@ def _read_raw(path: Path, data: bytes) -> Frame:
         ) from error
 
 
-def _sensor(raw: Any, path: Path) -> Sensor:
-    """Levels and colours of an opened raw file."""
+def _sensor(raw: Any, path: Path, matrix: list[float] | None) -> Sensor:
+    """Levels and colours of an opened raw file; its own ``matrix`` goes before LibRaw's."""
     pattern = raw.raw_pattern
     mosaic = pattern is not None and raw.num_colors == 3
     if mosaic and pattern.shape != (2, 2):
@@ -145,6 +145,6 @@ def _sensor(raw: Any, path: Path) -> Sensor:
         if mosaic
         else np.ones((2, 2), np.int64),
         mosaic=mosaic,
-        xyz_to_camera=np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3],
+        xyz_to_camera=np.reshape(matrix, (3, 3)) if matrix else np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3],
         dark=float(np.median(np.concatenate(enough))) if enough else None,
     )
