@@ -129,21 +129,20 @@ def find_circle(luminance: NDArray[np.float32]) -> tuple[float, float, float]:
     """Row and column of the centre and radius [pixel] of the lit circle of a fisheye picture (H, W).
 
     The edge is looked for along 720 rays as the outermost place where luminance falls through a fifth of the picture's
-    brighter median, and a circle is fitted through the places found (Kåsa), leaving out what lies off it (masts, the
-    arm of a shading disc). Good to about a pixel when the sky reaches the rim; a dark horizon makes it too small, so a
-    circle measured once is better.
+    brighter median; the circle is the one most of these places lie on, so that trees, masts and the arm of a shading
+    disc do not matter while half the rim shows sky. A circle measured once is better still.
 
     Raises `ValueError` when no circle can be seen.
     """
-    lit = np.asarray(luminance, dtype=np.float64)
-    height, width = lit.shape
+    height, width = luminance.shape
+    coarse = max(1, max(height, width) // 500)
+    lit = luminance[::coarse, ::coarse]
     bright = lit[lit > 0.02 * np.quantile(lit, 0.9)]
     level = 0.2 * float(np.median(bright)) if bright.size else 0.0
-    above = lit > level
-    if not np.any(above):
+    rows, columns = np.nonzero(lit > level)
+    if len(rows) == 0:
         raise ValueError("the picture is black: there is no circle")
-    rows, columns = np.nonzero(above)
-    centre = np.array([np.median(rows), np.median(columns)]) + 0.5
+    centre = (np.array([np.median(rows), np.median(columns)]) + 0.5) * coarse
     reach = np.arange(4.0, np.hypot(height, width), 0.5)
     radius = 0.0
     for _ in range(4):
@@ -151,7 +150,8 @@ def find_circle(luminance: NDArray[np.float32]) -> tuple[float, float, float]:
         r = centre[0] + np.sin(angles)[:, None] * reach
         c = centre[1] + np.cos(angles)[:, None] * reach
         within = (r >= 0) & (r < height) & (c >= 0) & (c < width)
-        hit = within & above[np.clip(r.astype(int), 0, height - 1), np.clip(c.astype(int), 0, width - 1)]
+        i, j = np.clip(r.astype(np.int64), 0, height - 1), np.clip(c.astype(np.int64), 0, width - 1)
+        hit = within & (luminance[i, j] > level)
         some = hit.any(axis=1)
         last = hit.shape[1] - 1 - np.argmax(hit[:, ::-1], axis=1)
         # an edge on the picture's own border is none
@@ -166,15 +166,32 @@ def find_circle(luminance: NDArray[np.float32]) -> tuple[float, float, float]:
 
 
 def _fit_circle(y: Floats, x: Floats) -> tuple[Floats, float]:
-    """Centre and radius of a circle through most of the points."""
-    keep = np.ones(len(y), dtype=np.bool_)
-    centre, radius = np.zeros(2), 0.0
-    for _ in range(8):
-        design = np.stack([2 * y[keep], 2 * x[keep], np.ones(np.count_nonzero(keep))], axis=1)
-        solved = np.linalg.lstsq(design, y[keep] ** 2 + x[keep] ** 2, rcond=None)[0]
-        centre = np.asarray(solved[:2], dtype=np.float64)
-        radius = float(np.sqrt(max(solved[2] + centre @ centre, 0.0)))
-        off = np.hypot(y - centre[0], x - centre[1]) - radius
-        limit = max(1.0, 2.5 * 1.4826 * float(np.median(np.abs(off[keep] - np.median(off[keep])))))
-        keep = np.abs(off - np.median(off[keep])) <= limit
-    return centre, radius
+    """Centre and radius of the circle that most of the points lie on, whatever the others do.
+
+    The circle through three points that has most others within two pixels (1000 tries, always the same ones), then
+    fitted to those.
+    """
+    three = np.random.default_rng(0).integers(0, len(y), (1000, 3))
+    (y1, y2, y3), (x1, x2, x3) = y[three].T, x[three].T
+    # where the perpendicular bisectors of two chords meet
+    a, b, e = y2 - y1, x2 - x1, (y2**2 - y1**2 + x2**2 - x1**2) / 2.0
+    c, d, f = y3 - y1, x3 - x1, (y3**2 - y1**2 + x3**2 - x1**2) / 2.0
+    area = a * d - b * c
+    area[np.abs(area) < 1e-6] = np.nan
+    middle_y, middle_x = (e * d - b * f) / area, (a * f - e * c) / area
+    off = np.abs(
+        np.hypot(y - middle_y[:, None], x - middle_x[:, None]) - np.hypot(y1 - middle_y, x1 - middle_x)[:, None]
+    )
+    best = off[int(np.argmax(np.count_nonzero(off < 2.0, axis=1)))] < 2.0
+    for _ in range(3):
+        centre, radius = _circle_of(y[best], x[best])
+        best = np.abs(np.hypot(y - centre[0], x - centre[1]) - radius) < 1.5
+    return _circle_of(y[best], x[best])
+
+
+def _circle_of(y: Floats, x: Floats) -> tuple[Floats, float]:
+    """Least squares circle through points (Kåsa 1976)."""
+    design = np.stack([2 * y, 2 * x, np.ones(len(y))], axis=1)
+    solved = np.linalg.lstsq(design, y**2 + x**2, rcond=None)[0]
+    centre = np.asarray(solved[:2], dtype=np.float64)
+    return centre, float(np.sqrt(max(float(solved[2] + centre @ centre), 0.0)))

@@ -58,14 +58,15 @@ class Picture:
 
 def encode_rgbe(rgb: Floats) -> Bytes:
     """Shared-exponent bytes (..., 4) of radiances (..., 3); negative and tiny values become 0."""
-    values = np.maximum(np.asarray(rgb, dtype=np.float64), 0.0)
+    values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1e38)
+    values[values.max(axis=-1) < 1e-32] = 0.0
     brightest = values.max(axis=-1)
     _, exponent = np.frexp(brightest)
     scale = np.ldexp(1.0, 8 - exponent)
     coded = np.empty((*values.shape[:-1], 4), dtype=np.uint8)
     coded[..., :3] = np.minimum(np.floor(values * scale[..., None]), 255.0)
     coded[..., 3] = np.clip(exponent + 128, 0, 255)
-    coded[brightest < 1e-32] = 0
+    coded[brightest == 0.0] = 0
     return coded
 
 
