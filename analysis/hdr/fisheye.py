@@ -143,26 +143,35 @@ def find_circle(luminance: NDArray[np.float32]) -> tuple[float, float, float]:
     if len(rows) == 0:
         raise ValueError("the picture is black: there is no circle")
     centre = (np.array([np.median(rows), np.median(columns)]) + 0.5) * coarse
-    reach = np.arange(4.0, np.hypot(height, width), 0.5)
-    radius = 0.0
-    for _ in range(4):
-        angles = np.radians(np.arange(0.0, 360.0, 0.5))
-        r = centre[0] + np.sin(angles)[:, None] * reach
-        c = centre[1] + np.cos(angles)[:, None] * reach
-        within = (r >= 0) & (r < height) & (c >= 0) & (c < width)
-        i, j = np.clip(r.astype(np.int64), 0, height - 1), np.clip(c.astype(np.int64), 0, width - 1)
-        hit = within & (luminance[i, j] > level)
-        some = hit.any(axis=1)
-        last = hit.shape[1] - 1 - np.argmax(hit[:, ::-1], axis=1)
-        # an edge on the picture's own border is none
-        free = some & np.take_along_axis(within, np.minimum(last + 4, hit.shape[1] - 1)[:, None], 1)[:, 0]
-        if np.count_nonzero(free) < 60:
-            raise ValueError("no circle can be seen in the picture: too little of its rim is inside")
-        y, x = r[free, last[free]], c[free, last[free]]
+    radius = float(np.hypot(height, width)) / 2.0
+    for reach, step in ((2.0, coarse), (1.2, coarse), (1.1, coarse), (1.05, 0.5)):
+        start = 4.0 if step == coarse else 0.5 * radius
+        y, x = _rim(luminance, level, centre, np.arange(start, reach * radius, step))
         centre, radius = _fit_circle(y, x)
     if not 0.1 * min(height, width) < radius < 1.2 * max(height, width):
         raise ValueError(f"the circle found has a radius of {radius:.0f} pixels, which cannot be in this picture")
     return float(centre[0]), float(centre[1]), float(radius)
+
+
+def _rim(luminance: NDArray[np.float32], level: float, centre: Floats, reach: Floats) -> tuple[Floats, Floats]:
+    """Rows and columns of the outermost places brighter than ``level``, seen from the centre in 720 directions.
+
+    Raises `ValueError` when too few lie inside the picture.
+    """
+    height, width = luminance.shape
+    angles = np.radians(np.arange(0.0, 360.0, 0.5))
+    r = centre[0] + np.sin(angles)[:, None] * reach
+    c = centre[1] + np.cos(angles)[:, None] * reach
+    within = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+    i, j = np.clip(r.astype(np.int64), 0, height - 1), np.clip(c.astype(np.int64), 0, width - 1)
+    hit = within & (luminance[i, j] > level)
+    last = hit.shape[1] - 1 - np.argmax(hit[:, ::-1], axis=1)
+    # an edge on the picture's own border is none
+    beyond = np.minimum(last + 2, hit.shape[1] - 1)[:, None]
+    free = hit.any(axis=1) & np.take_along_axis(within, beyond, 1)[:, 0] & (last < hit.shape[1] - 1)
+    if np.count_nonzero(free) < 60:
+        raise ValueError("no circle can be seen in the picture: too little of its rim is inside")
+    return r[free, last[free]], c[free, last[free]]
 
 
 def _fit_circle(y: Floats, x: Floats) -> tuple[Floats, float]:
