@@ -86,12 +86,13 @@ def _grown(mask: Mask, by_deg: float, n: int) -> Mask:
 
 
 def _middle(ratio: Floats, where: Mask) -> tuple[float, float]:
-    """Median, and robust relative scatter, of the ratios in ``where``; 1 and 0 when there are none."""
+    """Median of the ratios in ``where``, and half the width of their middle two thirds over it; 1 and 0 without any."""
     values = ratio[where]
     if values.size == 0:
         return 1.0, 0.0
     level = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - level)))
+    low, high = np.quantile(values, [1.0 / 6.0, 5.0 / 6.0])
+    spread = float(high - low) / 2.0
     return level, spread / level if level > 0.0 else float("inf")
 
 
