@@ -112,7 +112,11 @@ class Bracket:
 
 
 def open_bracket(
-    paths: Sequence[Path], times_s: Sequence[float | None], crop: Crop | None = None, memory_mb: float = 1024.0
+    paths: Sequence[Path],
+    times_s: Sequence[float | None],
+    crop: Crop | None = None,
+    memory_mb: float = 1024.0,
+    known_mistakes: Sequence[str] = (),
 ) -> Bracket:
     """Read and check all exposures.
 
@@ -122,27 +126,20 @@ def open_bracket(
         One for each path [s]; ``None`` takes it from the file.
     memory_mb
         How much the decoded exposures may take [MB]; beyond it they are decoded twice, in groups.
+    known_mistakes
+        Found by the caller, to be told together with these.
 
     Raises `DataError` with one line per mistake: counts that differ, unreadable files, times missing or not positive,
     pictures of different kind or size, apertures or sensitivities that differ.
     """
-    mistakes: list[str] = []
+    mistakes = list(known_mistakes)
     if len(paths) != len(times_s):
         mistakes.append(f"there are {len(times_s)} exposure times for {len(paths)} files; they must be as many")
     if len(paths) < 2:
         mistakes.append(f"a merge needs at least two exposures, not {len(paths)}")
     exifs = [_exif(path) for path in paths]
     mistakes += _alike(paths, exifs)
-    times = np.zeros(len(paths))
-    for i, (path, exif) in enumerate(zip(paths, exifs, strict=True)):
-        told = times_s[i] if i < len(times_s) else 1.0
-        told = exif.exposure_s if told is None else told
-        if told is None:
-            mistakes.append(f"{path}: the file does not tell its exposure time; give all times in a file (--times)")
-        elif not (np.isfinite(told) and told > 0.0):
-            mistakes.append(f"{path}: its exposure time is {told:g} s; it must be above 0")
-        else:
-            times[i] = told
+    times = _told(paths, times_s, exifs, mistakes)
     order = np.argsort(-times, kind="stable")
     keeper = _Keeper(len(paths), crop, memory_mb)
     for i in order:
@@ -245,6 +242,21 @@ def _exif(path: Path) -> Exif:
         return read_exif(path)
     except DataError:
         return Exif()  # reading its pixels will say what is wrong, once
+
+
+def _told(paths: Sequence[Path], times_s: Sequence[float | None], exifs: Sequence[Exif], mistakes: list[str]) -> Floats:
+    """Exposure times [s], given or from the files; 0 where ``mistakes`` says there is none."""
+    times = np.zeros(len(paths))
+    for i, (path, exif) in enumerate(zip(paths, exifs, strict=True)):
+        told = times_s[i] if i < len(times_s) else 1.0
+        told = exif.exposure_s if told is None else told
+        if told is None:
+            mistakes.append(f"{path}: the file does not tell its exposure time; give all times in a file (--times)")
+        elif not (np.isfinite(told) and told > 0.0):
+            mistakes.append(f"{path}: its exposure time is {told:g} s; it must be above 0")
+        else:
+            times[i] = told
+    return times
 
 
 def _alike(paths: Sequence[Path], exifs: Sequence[Exif]) -> list[str]:

@@ -5,24 +5,24 @@ into the record.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.hdr.bracket import Bracket, Crop, open_bracket
+from analysis.hdr.bracket import Bracket, open_bracket
 from analysis.hdr.flags import NAMES
 from analysis.hdr.luminance import SRGB_ROW, camera_row, superpixels
-from analysis.hdr.noise import Noise, learn_noise
+from analysis.hdr.merged import Exposure, Merged, Plane, Recipe
+from analysis.hdr.noise import learn_noise
 from analysis.hdr.ratios import refine_times
 from analysis.hdr.recover import recover_response
 from analysis.hdr.response import Response
 from analysis.hdr.times import step_of
 
 Floats = NDArray[np.float64]
-Plane = NDArray[np.float32]
 
 HARD_RAW: Final = 0.95
 HARD_CODE: Final = 243
@@ -38,104 +38,6 @@ PLAY: Final = {True: 0.05, False: 0.15}
 """How far exposures may differ beyond their noise before the scene counts as moved: raw files, pictures."""
 
 _BLOCK: Final = 128
-
-
-@dataclass(frozen=True, slots=True)
-class Exposure:
-    """One exposure of a bracket.
-
-    Attributes
-    ----------
-    path
-        The picture.
-    time_s
-        Exposure time [s]; ``None`` for what the file tells.
-    when_s
-        Middle of the exposure on a clock that all exposures share [s]; ``None`` when unknown.
-    """
-
-    path: Path
-    time_s: float | None = None
-    when_s: float | None = None
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How to merge.
-
-    Attributes
-    ----------
-    response
-        Of pictures; ``None`` recovers it from the bracket (8 bits), or takes 16 bits as linear.
-    snap
-        Replace times that are camera labels by the exact steps they stand for; ``None`` does so for times read from the
-        files, not for times given.
-    refine
-        Refine the times from the exposures; ``None`` does so for raw files only (pictures mend errors of the response
-        with the times).
-    luminance_row
-        Weights of red, green and blue; ``None`` takes the camera's matrix, or sRGB's row for pictures.
-    noise
-        Of one channel's signal; ``None`` learns it.
-    crop
-        Part of the pictures to merge.
-    memory_mb
-        About how much memory the decoded exposures may take [MB].
-    keep_channels
-        Keep red, green and blue of colour pictures beside luminance.
-    """
-
-    response: Response | None = None
-    snap: bool | None = None
-    refine: bool | None = None
-    luminance_row: tuple[float, float, float] | None = None
-    noise: Noise | None = None
-    crop: Crop | None = None
-    memory_mb: float = 1024.0
-    keep_channels: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Merged:
-    """A merged picture, in signal per second: one factor away from luminance.
-
-    Attributes
-    ----------
-    signal, variance : shape (H, W)
-        Estimate, and its variance from noise; where ``flags`` says saturated, a lower bound and infinity.
-    worth, mean_time : shape (H, W)
-        How many equal exposures would tell as much, and the weighted middle of those used [s on the exposures' clock].
-    flags : shape (H, W), uint8
-        See `analysis.hdr.flags`.
-    pixel_step
-        Picture pixels across a merged pixel: 2 for a mosaic, whose cells are merged into one.
-    channels : shape (3, H, W)
-        Red, green and blue signal, if they were kept.
-    response
-        That was used for pictures.
-    record
-        What was decided and found; JSON-able.
-    """
-
-    signal: Plane
-    variance: Plane
-    worth: Plane
-    mean_time: Plane
-    flags: NDArray[np.uint8]
-    pixel_step: int
-    channels: Plane | None = None
-    response: Response | None = None
-    record: dict[str, Any] = field(default_factory=dict)
-
-    def scaled(self, factor: float) -> "Merged":
-        """The picture times ``factor``: luminance, when the factor is cd/m² per signal per second."""
-        return replace(
-            self,
-            signal=self.signal * np.float32(factor),
-            variance=self.variance * np.float32(factor**2),
-            channels=None if self.channels is None else self.channels * np.float32(factor),
-            record={**self.record, "scale": factor},
-        )
 
 
 @dataclass(frozen=True)
@@ -154,12 +56,29 @@ def merge(exposures: Sequence[Exposure], recipe: Recipe | None = None) -> Merged
 
     Raises `DataError` that lists every exposure that cannot be read, has no usable time, or does not fit the others.
     """
+    paths, times = [e.path for e in exposures], [e.time_s for e in exposures]
+    return merge_files(paths, times, [e.when_s for e in exposures], recipe)
+
+
+def merge_files(
+    paths: Sequence[Path],
+    times_s: Sequence[float | None] | None = None,
+    when_s: Sequence[float | None] | None = None,
+    recipe: Recipe | None = None,
+    mistakes: Sequence[str] = (),
+) -> Merged:
+    """Merge a bracket given as lists: as `merge`, and lists of unequal length are one more mistake.
+
+    ``times_s`` and ``when_s`` mean what `Exposure` says [s]; ``None`` for all of them is allowed. ``mistakes`` are
+    those the caller has found already: with any, the merge is refused, and they are named with the exposures' own.
+    """
     recipe = recipe or Recipe()
-    bracket = open_bracket([e.path for e in exposures], [e.time_s for e in exposures], recipe.crop, recipe.memory_mb)
-    labels = np.array([exposures[i].time_s is None for i in bracket.order])
+    times = [None] * len(paths) if times_s is None else times_s
+    bracket = open_bracket(paths, times, recipe.crop, recipe.memory_mb, mistakes)
+    labels = np.array([times[i] is None for i in bracket.order])
     snap = labels if recipe.snap is None else np.full(len(labels), recipe.snap)
     told = np.where(snap, [step_of(t) for t in bracket.told_s], bracket.told_s)
-    when = _when(exposures, bracket, told)
+    when = _when([None] * len(paths) if when_s is None else when_s, bracket, told)
     record: dict[str, Any] = {
         "files": [path.name for path in bracket.paths],
         "kind": "raw" if bracket.sensor else f"{bracket.samples.dtype.itemsize * 8} bit",
@@ -175,9 +94,9 @@ def merge(exposures: Sequence[Exposure], recipe: Recipe | None = None) -> Merged
     return done
 
 
-def _when(exposures: Sequence[Exposure], bracket: Bracket, told: Floats) -> Floats:
+def _when(when_s: Sequence[float | None], bracket: Bracket, told: Floats) -> Floats:
     """Middles of the exposures in the bracket's order [s]; one after the other as given, where no clock tells."""
-    known = [exposures[i].when_s for i in bracket.order]
+    known = [when_s[i] for i in bracket.order]
     if all(w is not None for w in known):
         return np.array(known, dtype=np.float64)
     as_given = np.empty(len(told))

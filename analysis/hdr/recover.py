@@ -22,7 +22,9 @@ Floats = NDArray[np.float64]
 CODES_USED: Final = (4, 250)
 """Codes beyond are clipped, rung or rounded away; the curve is continued there by its slope."""
 
-_SMOOTHNESS: Final = 300.0
+_KNOT: Final = 4  # the departure is known at every fourth code
+_TIE: Final = REFERENCE_CODE // _KNOT
+_SMOOTHNESS: Final = 5.0
 _SMALLEST_STEP: Final = 2e-4  # of the logarithm, from one code to the next
 
 
@@ -42,8 +44,10 @@ def recover_response(samples: NDArray[np.uint8], times: Sequence[float]) -> Resp
         curve, misfit = _channel(samples[..., channel], np.asarray(times, dtype=np.float64))
         curves.append(curve)
         misfits.append(misfit)
+    # the level is anybody's choice; code 255 of green gets 1, as in Photosphere's files
+    scaled = np.array(curves) / curves[1][255]
     source = f"recovered from {len(times)} exposures, {samples.shape[1]} places"
-    return Response(np.array(curves), "recovered", source, float(np.sqrt(np.mean(np.square(misfits)))))
+    return Response(scaled, "recovered", source, float(np.sqrt(np.mean(np.square(misfits)))))
 
 
 def _channel(codes: NDArray[np.uint8], times: Floats) -> tuple[Floats, float]:
@@ -93,39 +97,47 @@ def _solve(pairs: list[tuple[Floats, float]], start: Floats, now: Floats) -> tup
         total += float(weight.sum())
         normal += np.diag(weight.sum(axis=1) + weight.sum(axis=0)) - weight - weight.T
         right += ratio * (weight.sum(axis=1) - weight.sum(axis=0))
+    hats = _hats()
+    small = hats.T @ normal @ hats
     bend = _bending()
-    smooth = _SMOOTHNESS * np.median(np.diag(normal)[np.diag(normal) > 0]) * bend.T @ bend
-    normal += smooth
-    right += smooth @ start
-    tie = 1e3 * np.trace(normal) / 256
-    normal[REFERENCE_CODE, REFERENCE_CODE] += tie
-    right[REFERENCE_CODE] += tie * start[REFERENCE_CODE]
-    normal += 1e-9 * np.trace(normal) / 256 * np.eye(256)
-    return _rising(normal, right), float(np.sqrt(squares / total))
+    small += _SMOOTHNESS * np.median(np.diag(small)[np.diag(small) > 0]) * bend.T @ bend
+    target = hats.T @ (right - normal @ start)
+    # the departure is 0 at the reference, since a factor of all signals cannot be seen
+    small[_TIE, _TIE] += 1e3 * np.trace(small)
+    small += 1e-9 * np.trace(small) / len(small) * np.eye(len(small))
+    return start + hats @ _rising(small, target, start), float(np.sqrt(squares / total))
 
 
-def _rising(normal: Floats, right: Floats) -> Floats:
-    """Solve normal equations for a g that rises from each code to the next."""
+def _rising(normal: Floats, right: Floats, start: Floats) -> Floats:
+    """Departure at the knots that solves the normal equations, while ``start`` plus it rises from code to code."""
     from scipy.optimize import lsq_linear
 
-    g: Floats = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
-    if np.all(np.diff(g) >= _SMALLEST_STEP):
-        return g
-    # unknowns become g at code 0 and the steps, which are bounded
-    steps = np.tril(np.ones((256, 256)))
+    free: Floats = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
+    # between two knots the departure changes evenly, so the least step of the start there bounds the change
+    steps = np.diff(start).copy()
+    steps = np.append(steps, steps[-1])
+    least = _KNOT * (_SMALLEST_STEP - steps.reshape(-1, _KNOT).min(axis=1))
+    if np.all(np.diff(free) >= least):
+        return free
+    # unknowns become the departure at the first knot and its changes from knot to knot, which are bounded
+    sums = np.tril(np.ones((len(free), len(free))))
     factor = np.linalg.cholesky(normal).T
-    target = np.linalg.solve(factor.T, right)
-    low = np.full(256, _SMALLEST_STEP)
-    low[0] = -np.inf
-    found = lsq_linear(factor @ steps, target, bounds=(low, np.full(256, np.inf)), method="trf", tol=1e-10)
-    return np.asarray(steps @ found.x)
+    bounds = (np.append(-np.inf, least), np.full(len(free), np.inf))
+    found = lsq_linear(factor @ sums, np.linalg.solve(factor.T, right), bounds=bounds, method="trf", tol=1e-10)
+    return np.asarray(sums @ found.x)
+
+
+def _hats() -> Floats:
+    """Piecewise linear functions (256, 65) between knots at every fourth code."""
+    knots = np.arange(0, 257, _KNOT)
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(np.arange(256)[:, None] - knots[None, :]) / _KNOT))
 
 
 def _bending() -> Floats:
-    """Second differences (254, 256), scaled to let the curve bend as much from code 8 to 16 as from 100 to 200."""
-    rows = np.zeros((254, 256))
-    index = np.arange(254)
-    scale = np.minimum((index + 1.0) / 64.0, 1.0) ** 1.5 + 0.02
+    """Second differences (63, 65), scaled to let the curve bend as much from code 8 to 16 as from 100 to 200."""
+    index = np.arange(256 // _KNOT - 1)
+    rows = np.zeros((len(index), len(index) + 2))
+    scale = np.minimum((index + 1.0) * _KNOT / 64.0, 1.0) ** 1.5 + 0.02
     rows[index, index], rows[index, index + 1], rows[index, index + 2] = scale, -2.0 * scale, scale
     return rows
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.hdr.fisheye import Lens, find_circle
-from analysis.hdr.merge import Exposure, Merged, Recipe, merge
+from analysis.hdr.merge import merge
+from analysis.hdr.merged import Exposure, Merged, Recipe
 from analysis.sky.calibrate import (
     METER_DISC_HALF_ANGLE_DEG,
     PEREZ_CIRCUMSOLAR,

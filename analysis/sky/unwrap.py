@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.hdr.fisheye import Lens
 from analysis.hdr.flags import SATURATED
-from analysis.hdr.merge import Merged
+from analysis.hdr.merged import Merged
 from analysis.sky.map import SkyMap
 from analysis.sky.pixels import directions_at, pixel_moments
 

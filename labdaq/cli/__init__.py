@@ -15,6 +15,7 @@ COMMANDS: Final[dict[str, str]] = {
     "run": "Take the test of a script.",
     "doctor": "Look at every instrument, the clock and the disk.",
     "session": "List, show and verify recorded sessions.",
+    "merge": "Merge a bracket of exposures into a luminance map.",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 

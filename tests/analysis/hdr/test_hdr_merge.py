@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from analysis.hdr.bracket import Crop
 from analysis.hdr.flags import LOW_SIGNAL, MOVED, SATURATED, SINGLE
 from analysis.hdr.luminance import camera_row
-from analysis.hdr.merge import Exposure, Merged, Recipe, merge
+from analysis.hdr.merge import merge
+from analysis.hdr.merged import Exposure, Merged, Recipe
 from analysis.hdr.noise import Noise, estimate
 from analysis.hdr.response import Response
 from analysis.hdr.times import read_times

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.hdr.fisheye import Lens
-from analysis.hdr.merge import Exposure, Recipe
+from analysis.hdr.merged import Exposure, Recipe
 from analysis.sky.map import SkyMap
 from analysis.sky.perez import PerezSky
 from analysis.sky.process import Readings, SkyRecipe, SkyResult, SkyTest, process_sky
