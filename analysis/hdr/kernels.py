@@ -1,7 +1,7 @@
 """The inner loops of the merge, compiled by numba; the compiled code is kept beside this file.
 
-One row of pixels is taken through all exposures, longest first, while its sums stay in the processor's cache. Every
-exposure of a pixel adds to
+A few rows of pixels are taken through all exposures, longest first, while their sums stay in the processor's cache.
+Every exposure of a pixel adds to
 
     num = sum w y      den = sum w t      with  w = soft t / v(x t),   v(p) = s2 + g p + k p²
 
@@ -24,6 +24,9 @@ f4 = np.float32
 NUM, DEN, SQUARES, WHEN, JUMP = range(5)
 """Planes of the running sums: of w y, of w t, of (w t)², of w t times the frame's time, largest departure."""
 
+ROWS: Final = 4
+"""Rows of a mosaic taken together; even, so that the mosaic's cells stay whole."""
+
 # no signal is NaN or infinite; divisions may be taken as multiplications by a reciprocal good to 1e-7
 _FAST: Final = {"nnan", "ninf", "nsz", "contract", "arcp", "reassoc", "afn"}
 
@@ -38,13 +41,6 @@ def _exact(function: F) -> F:
 def _fast(function: F) -> F:
     """Compile ``function`` for finite numbers only."""
     return cast(F, numba.njit(error_model="numpy", fastmath=_FAST, inline="never", nogil=True, cache=True)(function))
-
-
-@_fast
-def _raw_row(code: NDArray[Any], black: NDArray[np.float32], y: NDArray[np.float32]) -> None:
-    """Signal of a row of a mosaic or monochrome picture: code less black."""
-    for i in range(code.shape[0]):
-        y[i] = f4(code[i]) - black[i]
 
 
 @_exact
@@ -64,8 +60,9 @@ def _colour_row(
 
 
 @_fast
-def _add_row(
-    y: NDArray[np.float32],
+def _add(
+    code: NDArray[Any],
+    black: NDArray[np.float32],
     t: float,
     when: float,
     noise: NDArray[np.float32],
@@ -76,7 +73,7 @@ def _add_row(
     whens: NDArray[np.float32],
     jump: NDArray[np.float32],
 ) -> None:
-    """Add one exposure to the sums of a row; see the module docstring.
+    """Add one exposure of a run of pixels, ``code`` less ``black``, to their sums; see the module docstring.
 
     ``limits``: hard limit, 1 / width of the soft roll-off below it, lowest signal worth adding to others, squared share
     by which exposures may differ without having moved. The sums come one by one: as rows of one array the compiler
@@ -85,19 +82,21 @@ def _add_row(
     s2, g, k = noise[0], noise[1], noise[2]
     hard, roll, low, play = limits[0], limits[1], limits[2], limits[3]
     zero, one = f4(0.0), f4(1.0)
-    for i in range(y.shape[0]):
+    t2 = f4(25.0) * t * t
+    for i in range(code.shape[0]):
+        y = f4(code[i]) - black[i]
         d = den[i]
-        p = max(num[i] / max(d, f4(1e-30)) * t if d > zero else y[i], zero)
+        p = max(num[i] * t / max(d, f4(1e-30)) if d > zero else y, zero)
         soft = min(max((hard - p) * roll, zero), one)
-        soft = soft if y[i] < hard else zero
+        soft = soft if y < hard else zero
         soft = zero if (p < low) & (d > zero) else soft
         v = s2 + p * (g + k * p)
         w = soft * t / v
         info = w * t
-        off = y[i] - p
+        off = y - p
         # more than five standard deviations, and more than the response may be wrong: the scene moved
-        beyond = max(off * off * d - f4(25.0) * (v * d + t * t) - play * p * p * d, zero) * soft
-        num[i] += w * y[i]
+        beyond = max(d * (off * off - play * p * p - f4(25.0) * v) - t2, zero) * soft
+        num[i] += w * y
         den[i] = d + info
         squares[i] += info * info
         whens[i] += info * when
@@ -160,38 +159,35 @@ def merge_mono(
     planes: NDArray[np.float32],
     flags: NDArray[np.uint8],
 ) -> None:
-    """Merge rows ``top`` to ``end`` of exposures (F, H, W), longest first, into planes (4, B, W) and flags (B, W).
+    """Merge rows ``top`` (a multiple of `ROWS`) to ``end`` of exposures (F, H, W), longest first.
 
-    Planes: signal per second, its variance, worth in exposures, mean time; see `_settle_row`.
-    ``black`` (2, W) holds the black level of even and odd rows. ``state`` (H, 5, W) carries the sums from one group of
-    exposures to the next (``first``, ``last`` tell which group this is); with all exposures in one group one row of it,
-    (1, 5, W), is enough.
+    Results go to ``planes`` (4, B, W) - signal per second, its variance, worth in exposures, mean time; see
+    `_settle_row` - and ``flags`` (B, W), from row 0. ``black`` (`ROWS`, W) are the mosaic's black levels. ``state``
+    (N, 5, `ROWS` W) carries the sums from one group of exposures to the next (``first``, ``last`` tell which group this
+    is): one entry for each `ROWS` rows, or a single one when all exposures come in one group.
     """
     count, _, width = stack.shape
-    y = np.empty(width, np.float32)
-    p = planes
-    for r in range(top, end):
-        s = state[r if state.shape[0] > 1 else 0]
+    levels = black.reshape(-1)
+    bound = np.empty(ROWS * width, np.float32)
+    for r in range(top, end, ROWS):
+        stop = min(r + ROWS, end)
+        n = (stop - r) * width
+        s = state[r // ROWS if state.shape[0] > 1 else 0]
+        num, den, squares, whens, jump = s[0][:n], s[1][:n], s[2][:n], s[3][:n], s[4][:n]
         if first:
             s[:] = f4(0.0)
         for f in range(count):
-            _raw_row(stack[f, r], black[r & 1], y)
-            _add_row(y, times[f], when[f], noise, limits, s[0], s[1], s[2], s[3], s[4])
+            code = stack[f, r:stop].reshape(-1)
+            _add(code, levels[:n], times[f], when[f], noise, limits, num, den, squares, whens, jump)
         if last:
-            y /= times[count - 1]
-            _settle_row(
-                s[0],
-                s[1],
-                s[2],
-                s[3],
-                s[4],
-                y,
-                p[0, r - top],
-                p[1, r - top],
-                p[2, r - top],
-                p[3, r - top],
-                flags[r - top],
-            )
+            code = stack[count - 1, r:stop].reshape(-1)
+            for i in range(n):
+                bound[i] = (f4(code[i]) - levels[i]) / times[count - 1]
+            a, b = r - top, stop - top
+            value, variance = planes[0, a:b].reshape(-1), planes[1, a:b].reshape(-1)
+            worth, mean_time = planes[2, a:b].reshape(-1), planes[3, a:b].reshape(-1)
+            mark = flags[a:b].reshape(-1)
+            _settle_row(num, den, squares, whens, jump, bound[:n], value, variance, worth, mean_time, mark)
 
 
 @_exact
@@ -217,7 +213,7 @@ def merge_colour(
     (3, H, W) gets each channel's, or is (3, 1, W) when nobody wants them.
     """
     count, height, width, _ = stack.shape
-    y = np.empty((3, width), np.float32)
+    y, nothing = np.empty((3, width), np.float32), np.zeros(width, np.float32)
     part = np.empty((4, width), np.float32)
     flag = np.empty(width, np.uint8)
     main = int(np.argmax(weights))
@@ -230,7 +226,7 @@ def merge_colour(
             _colour_row(stack[f, r], curves, hard_code, shut, y)
             for c in range(3):
                 s = sums[c]
-                _add_row(y[c], times[f], when[f], noise[c], limits[c], s[0], s[1], s[2], s[3], s[4])
+                _add(y[c], nothing, times[f], when[f], noise[c], limits[c], s[0], s[1], s[2], s[3], s[4])
         if last:
             planes[0, r], planes[1, r], flags[r] = f4(0.0), f4(0.0), np.uint8(0)
             for c in range(3):

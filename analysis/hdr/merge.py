@@ -138,7 +138,7 @@ def _plan(
 
 def _merge_raw(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, record: dict[str, Any]) -> Merged:
     """Merge raw files: one plane of linear codes, four places to a cell of the mosaic."""
-    from analysis.hdr.kernels import merge_mono
+    from analysis.hdr.kernels import ROWS, merge_mono
 
     sensor = bracket.sensor
     assert sensor is not None
@@ -153,8 +153,9 @@ def _merge_raw(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, rec
     step = 2 if sensor.mosaic else 1
     height, width = bracket.height // step, bracket.width // step
     planes, flags = np.empty((4, height, width), np.float32), np.empty((height, width), np.uint8)
-    black = np.tile(sensor.black.astype(np.float32), bracket.width // 2 + 1)[:, : bracket.width].copy()
-    state = np.empty((1 if bracket.one_group else bracket.height, 5, bracket.width), np.float32)
+    black = np.tile(sensor.black.astype(np.float32), (ROWS // 2, bracket.width // 2 + 1))[:, : bracket.width].copy()
+    parts = 1 if bracket.one_group else -(-bracket.height // ROWS)
+    state = np.empty((parts, 5, ROWS * bracket.width), np.float32)
     block = np.empty((4, _BLOCK, bracket.width), np.float32)
     marks = np.empty((_BLOCK, bracket.width), np.uint8)
     for part in bracket.parts():
