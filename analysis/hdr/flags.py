@@ -1,4 +1,7 @@
-"""What is doubtful about a merged pixel: bits of the flag plane."""
+"""What is doubtful about a merged pixel: bits of the flag plane.
+
+The compiled loops hold these values, and numba recompiles only when kernels.py itself changes: touch it with this file.
+"""
 
 from typing import Final
 

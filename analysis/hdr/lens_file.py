@@ -9,7 +9,8 @@
     projection = "equisolid"      # or "equidistant", "polynomial" with coefficients = [c1, c3, ...]
     up_azimuth_deg = 0.0          # azimuth towards which the picture's top points
     east_at_right = false
-    vignetting = [0.176, -0.529]  # of the aperture used: 1 + v1 u² + v2 u⁴ ..., u = angle / edge
+    vignetting = [0.176, -0.529]  # 1 + v1 u² + v2 u⁴ ..., u = angle / edge; of the aperture used, or for each one:
+    # vignetting = { "5.6" = [0.176, -0.529], "8" = [0.15, -0.45] }
 
     [luminance]
     scale = 25.1                  # cd/m² for a signal of one per second; leave out when unknown
@@ -22,7 +23,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from analysis.hdr.bracket import Crop
 from analysis.hdr.fisheye import Lens
@@ -46,7 +47,7 @@ class LensSection(_Strict):
     coefficients: tuple[Finite, ...] = (1.0,)
     up_azimuth_deg: Finite = 0.0
     east_at_right: bool = False
-    vignetting: tuple[Finite, ...] = ()
+    vignetting: tuple[Finite, ...] | dict[str, tuple[Finite, ...]] = ()
 
 
 class LuminanceSection(_Strict):
@@ -70,8 +71,12 @@ class LensFile(_Strict):
         top, left = int(max(0.0, row - reach)) // 2 * 2, int(max(0.0, column - reach)) // 2 * 2
         return Crop(top, left, int(row + reach + 1) // 2 * 2 - top, int(column + reach + 1) // 2 * 2 - left)
 
-    def lens_in(self, crop: Crop) -> Lens:
-        """The lens in the coordinates of a part of the picture; raises `ValueError` for one that cannot be."""
+    def lens_in(self, crop: Crop, f_number: float | None = None) -> Lens:
+        """The lens in the coordinates of a part of the picture, with the vignetting of an aperture.
+
+        Raises `ValueError` for a lens that cannot be, and `ConfigError` when the vignetting is given by aperture, but
+        not for this one.
+        """
         part = self.lens
         return Lens(
             part.centre[0] - crop.top,
@@ -82,8 +87,31 @@ class LensFile(_Strict):
             part.coefficients,
             part.up_azimuth_deg,
             part.east_at_right,
-            part.vignetting,
+            self.vignetting_at(f_number),
         )
+
+    def vignetting_at(self, f_number: float | None) -> tuple[float, ...]:
+        """Vignetting coefficients at an aperture; raises `ConfigError` when the file has none for it."""
+        table = self.lens.vignetting
+        if not isinstance(table, dict):
+            return table
+        for name, coefficients in table.items():
+            if f_number is not None and abs(float(name) / f_number - 1.0) < 0.03:
+                return coefficients
+        used = "an unknown aperture" if f_number is None else f"f/{f_number:g}"
+        raise ConfigError(
+            f"the lens file has vignetting for f/{', f/'.join(table)}, but the exposures were taken at {used}",
+            "measure it at that aperture; vignetting of another is several per cent off at the rim",
+        )
+
+    @field_validator("lens")
+    @classmethod
+    def _apertures_are_numbers(cls, lens: LensSection) -> LensSection:
+        if isinstance(lens.vignetting, dict):
+            for name in lens.vignetting:
+                if not name.replace(".", "", 1).isdigit() or float(name) <= 0.0:
+                    raise ValueError(f"vignetting: '{name}' is no aperture; write \"5.6\" = [...]")
+        return lens
 
 
 def read_lens(path: Path) -> LensFile:
@@ -91,7 +119,8 @@ def read_lens(path: Path) -> LensFile:
     problems = Problems(str(path))
     try:
         found = LensFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-        found.lens_in(found.crop)
+        for name in found.lens.vignetting if isinstance(found.lens.vignetting, dict) else ("1",):
+            found.lens_in(found.crop, float(name))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:

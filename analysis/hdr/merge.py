@@ -84,6 +84,7 @@ def merge_files(
         "kind": "raw" if bracket.sensor else f"{bracket.samples.dtype.itemsize * 8} bit",
         "size": [bracket.height, bracket.width],
         "told_s": bracket.told_s.tolist(),
+        "f_number": bracket.exif.f_number,
     }
     if bracket.sensor is not None:
         done = _merge_raw(bracket, told, when, recipe, record)

@@ -78,7 +78,8 @@ class Merged:
     signal, variance : shape (H, W)
         Estimate, and its variance from noise; where ``flags`` says saturated, a lower bound and infinity.
     worth, mean_time : shape (H, W)
-        How many equal exposures would tell as much, and the weighted middle of those used [s on the exposures' clock].
+        How many equal exposures would tell as much, and the weighted middle of those used [s since the middle of the
+        earliest exposure].
     flags : shape (H, W), uint8
         See `analysis.hdr.flags`.
     pixel_step

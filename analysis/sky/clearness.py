@@ -171,4 +171,4 @@ def _condition(normal: float, diffuse: float, sun_altitude_deg: float, extraterr
         flags.append("epsilon-clamped")
     if inside_delta != delta:
         flags.append("delta-clamped")
-    return Condition(inside_epsilon, inside_delta, tuple(flags))
+    return Condition(float(inside_epsilon), float(inside_delta), tuple(flags))

@@ -25,7 +25,7 @@ class Unwrapped:
     relative_sd : shape (n, n)
         Standard uncertainty of a pixel from noise, over its value; 0 where unknown.
     mean_time : shape (n, n) [s]
-        Middle of the exposures the pixel came from, on their clock.
+        Middle of the exposures the pixel came from, since that of the earliest one.
     saturated : shape (n, n)
         Pixels with a part that is only a lower bound.
     """

@@ -68,7 +68,8 @@ def run(job: Job) -> dict[str, Any]:
         raise DataError("raw files are merged to luminance; --colour is for pictures", "leave --colour out")
     scale = job.scale or (lens.luminance.scale if lens else None)
     picture = picture.scaled(scale) if scale else picture
-    sky = unwrap(picture, lens.lens_in(lens.crop), job.size).sky if lens else None
+    aperture = picture.record["f_number"]
+    sky = unwrap(picture, lens.lens_in(lens.crop, aperture), job.size).sky if lens else None
     shown = sky.luminance if sky else picture.signal.astype(np.float64)
     unit = "cd/m2" if scale else "relative"
     _write(job, picture, shown, unit)

@@ -149,7 +149,14 @@ def test_a_lens_file_says_what_is_wrong_with_it(tmp_path: Path) -> None:
     assert kept.crop.of(np.zeros((3744, 5616), np.uint8)).shape == (kept.crop.height, kept.crop.width)
     lens = kept.lens_in(kept.crop)
     assert lens.centre_row == pytest.approx(1835.3 + 2.0, abs=2.0)
+    path.write_text('[lens]\ncentre = [9, 9]\nradius = 5\nvignetting = { "5.6" = [-0.3], "8" = [-0.2] }\n')
+    by_aperture = read_lens(path)
+    assert by_aperture.lens_in(by_aperture.crop, 8.0).vignetting == (-0.2,)
+    for aperture in (4.0, None):
+        with pytest.raises(ConfigError, match=r"f/5\.6, f/8"):
+            by_aperture.lens_in(by_aperture.crop, aperture)
     for text, complaint in (
+        ("[lens]\ncentre = [1, 2]\nradius = 5\nvignetting = { wide = [0.1] }\n", "wide"),
         ("[lens]\ncentre = [1, 2]\nradius = 5\nvignetting = [-2.0]\n", "light"),
         ("[lens\n", "file"),
         ("[lens]\ncentre = [1]\nradius = 'big'\n", "radius"),

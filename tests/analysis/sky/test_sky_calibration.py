@@ -1,5 +1,8 @@
 """Mask, filler, level and sun against painted skies whose truth is known."""
 
+import csv
+from datetime import datetime
+
 import numpy as np
 import pytest
 
@@ -14,9 +17,13 @@ from analysis.sky.filler import METHODS, fill
 from analysis.sky.map import SkyMap
 from analysis.sky.mask import find_disc
 from analysis.sky.perez import PerezSky
+from analysis.sky.sun import GREENWOOD, distance_factor, sun_position
 from analysis.sky.zenith import check_zenith
+from labdaq.clock import utc_ns_of
 from labdaq.directions import sky_vector
 from labdaq.errors import DataError
+from labdaq.units import Unit, to_lab_unit
+from tests.analysis.recordings import recording
 from tests.analysis.sky.painted import painted, rod_and_disc
 
 N = 200
@@ -154,6 +161,25 @@ def test_the_reports_ten_percent_and_perezs_three() -> None:
     moved = sun_of(as_filled, altitude, azimuth, Reading(60_000.0), Reading(diffuse)).normal_illuminance_lx
     moved -= sun_of(cone, altitude, azimuth, Reading(60_000.0), Reading(diffuse)).normal_illuminance_lx
     assert moved * np.sin(np.radians(altitude)) == pytest.approx(0.07 * diffuse, rel=0.06)
+
+
+def test_the_circumsolar_prior_is_that_of_the_32_tests() -> None:
+    with recording("greenwood-tests.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["test"] != "13"]  # the sun was hidden in test 13
+    shares = []
+    for row in rows:
+        instant = utc_ns_of(datetime.fromisoformat(row["mid_utc"].replace("Z", "+00:00")))
+        sun = sun_position(instant, GREENWOOD)
+        total = to_lab_unit(float(row["cltc_global_fc"] or row["velux_global_fc"]), Unit.FOOTCANDLE)[0]
+        diffuse = to_lab_unit(float(row["cltc_diffuse_fc"]), Unit.FOOTCANDLE)[0]
+        altitude, azimuth = float(sun.geometric_altitude_deg), float(sun.azimuth_deg)
+        beam = (total - 1.03 * diffuse) / np.sin(np.radians(altitude))
+        model = PerezSky.from_illuminances(beam, diffuse, altitude, azimuth, float(distance_factor(instant)))
+        sky = SkyMap.from_function(model.luminance, 256)
+        cone = sky.near(sun.vector, 5.0)
+        shares.append(sky.horizontal_illuminance(cone) / sky.horizontal_illuminance(~cone))
+    assert len(shares) == 31
+    np.testing.assert_allclose([min(shares), np.mean(shares), max(shares)], PEREZ_CIRCUMSOLAR, atol=6e-4)
 
 
 def test_a_sun_that_cannot_be_is_flagged() -> None:

@@ -15,7 +15,7 @@ from analysis.sky.sun import GREENWOOD, distance_factor, sun_position
 from labdaq.clock import NS
 from labdaq.directions import sky_vector
 from labdaq.errors import DataError
-from tests.analysis.hdr.camera import raw_bracket
+from tests.analysis.hdr.camera import picture_bracket, raw_bracket
 from tests.analysis.hdr.dng_writer import XYZ_TO_CAMERA
 from tests.analysis.sky.painted import rod_and_disc
 
@@ -131,6 +131,26 @@ def test_an_unknown_lens_is_found_in_the_picture_and_said(
     lens = found.record["lens"]
     assert (lens["centre_row"], lens["centre_column"]) == pytest.approx((300.0, 310.0), abs=2.0)
     assert lens["radius_px"] == pytest.approx(float(LENS.radius(90.0)), rel=0.01)
+
+
+def test_jpeg_pictures_do_as_well_within_their_means(truth: tuple[PerezSky, SkyMap], tmp_path: Path) -> None:
+    lens = Lens(150.0, 150.0, 145.0)
+    rows, columns = np.mgrid[0:300, 0:300] + 0.5
+    d = lens.direction(rows, columns)
+    sun = sky_vector(truth[0].sun_altitude_deg, truth[0].sun_azimuth_deg)
+    luminance = truth[0].luminance(d) * (0.02 + 0.98 * rod_and_disc(d, sun, 5.0, 1.5, 15.0))
+    luminance = np.where(d[..., 2] > 0.0, luminance, 20.0)
+    rate = 2e-3 * luminance[..., None] * np.array([0.8, 1.0, 1.3])  # blue, as skies are
+    times = tuple(2.0 ** (-k) for k in range(-3, 11))
+    paths = picture_bracket(tmp_path, rate, times, suffix=".jpg")
+    shots = [Exposure(p, t) for p, t in zip(paths, times, strict=True)]
+    done = process_sky(SkyTest(shots, **roof(truth, lens=lens)), SkyRecipe(pixels=128))  # type: ignore[arg-type]
+    assert not {"no-disc-found", "disc-off-sun", "sky-saturated", "zenith-disagrees"} & set(done.record["flags"])
+    assert done.sky.horizontal_illuminance() == pytest.approx(truth[1].horizontal_illuminance(), rel=0.01)
+    assert done.sun.normal_illuminance_lx == pytest.approx(BEAM, rel=0.02)
+    seen = done.seen.known & (done.sky.directions[..., 2] > 0.1)
+    error = done.sky.luminance[seen] / SkyMap.from_function(truth[0].luminance, 128).luminance[seen] - 1.0
+    assert float(np.sqrt(np.mean(error**2))) < 0.04  # a recovered response, and JPEG
 
 
 def test_a_changing_sky_and_a_dark_test_are_said(exposures: list[Exposure], truth: tuple[PerezSky, SkyMap]) -> None:
