@@ -92,6 +92,7 @@ def kernels(stack: np.ndarray) -> None:
     merge_colour(*work8)
     ours8 = best(lambda: merge_colour(*work8), rounds=5)[0]
     print(f"the same of three 8-bit channels      {1e3 * ours8:8.1f} ms")
+    cv2.setNumThreads(1)  # one thread each, so that the times mean the same
     frames = list(colour)
     for name, merger in (("Debevec", cv2.createMergeDebevec()), ("Robertson", cv2.createMergeRobertson())):
         taken = best(lambda merger=merger: merger.process(frames, TIMES), rounds=2)[0]
