@@ -16,8 +16,8 @@ from analysis.hdr.bracket import Bracket, open_bracket
 from analysis.hdr.flags import NAMES
 from analysis.hdr.luminance import SRGB_ROW, camera_row, superpixels
 from analysis.hdr.merged import Exposure, Merged, Plane, Recipe
-from analysis.hdr.noise import learn_noise
-from analysis.hdr.ratios import refine_times
+from analysis.hdr.noise import Noise, learn_noise
+from analysis.hdr.ratios import misfit, refine_times
 from analysis.hdr.recover import recover_response
 from analysis.hdr.response import Response
 from analysis.hdr.times import step_of
@@ -76,9 +76,11 @@ def merge_files(
     times = [None] * len(paths) if times_s is None else times_s
     bracket = open_bracket(paths, times, recipe.crop, recipe.memory_mb, mistakes)
     labels = np.array([times[i] is None for i in bracket.order])
-    snap = labels if recipe.snap is None else np.full(len(labels), recipe.snap)
-    told = np.where(snap, [step_of(t) for t in bracket.told_s], bracket.told_s)
-    when = _when([None] * len(paths) if when_s is None else when_s, bracket, told)
+    steps = np.where(labels | bool(recipe.snap), [step_of(t) for t in bracket.told_s], bracket.told_s)
+    readings = {"exact steps": steps, "as told": bracket.told_s}
+    if recipe.snap is not None or np.array_equal(steps, bracket.told_s):
+        readings.pop("as told" if recipe.snap else "exact steps")
+    when = _when([None] * len(paths) if when_s is None else when_s, bracket)
     record: dict[str, Any] = {
         "files": [path.name for path in bracket.paths],
         "kind": "raw" if bracket.sensor else f"{bracket.samples.dtype.itemsize * 8} bit",
@@ -87,22 +89,29 @@ def merge_files(
         "f_number": bracket.exif.f_number,
     }
     if bracket.sensor is not None:
-        done = _merge_raw(bracket, told, when, recipe, record)
+        done = _merge_raw(bracket, readings, when, recipe, record)
     else:
-        done = _merge_pictures(bracket, told, when, recipe, record)
+        done = _merge_pictures(bracket, readings, when, recipe, record)
     counts = {name: int(np.count_nonzero(done.flags & bit)) for bit, name in NAMES.items()}
     done.record.update(pixels=int(done.flags.size), flagged=counts)
     return done
 
 
-def _when(when_s: Sequence[float | None], bracket: Bracket, told: Floats) -> Floats:
+def _when(when_s: Sequence[float | None], bracket: Bracket) -> Floats:
     """Middles of the exposures in the bracket's order [s]; one after the other as given, where no clock tells."""
     known = [when_s[i] for i in bracket.order]
     if all(w is not None for w in known):
         return np.array(known, dtype=np.float64)
-    as_given = np.empty(len(told))
-    as_given[bracket.order] = told
+    as_given = np.empty(len(bracket.told_s))
+    as_given[bracket.order] = bracket.told_s
     return np.asarray((np.cumsum(as_given) - as_given / 2.0)[bracket.order])
+
+
+def _believed(misfits: dict[str, float], record: dict[str, Any]) -> str:
+    """Which reading of the times the exposures contradict least; the first one when they cannot tell."""
+    name = min(misfits, key=lambda reading: misfits[reading])
+    record["times_read"] = {"as": name, "misfit_ln": {reading: round(v, 6) for reading, v in misfits.items()}}
+    return name
 
 
 def _plan(
@@ -137,7 +146,9 @@ def _plan(
     )
 
 
-def _merge_raw(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, record: dict[str, Any]) -> Merged:
+def _merge_raw(
+    bracket: Bracket, readings: dict[str, Floats], when: Floats, recipe: Recipe, record: dict[str, Any]
+) -> Merged:
     """Merge raw files: one plane of linear codes, four places to a cell of the mosaic."""
     from analysis.hdr.kernels import ROWS, merge_mono
 
@@ -146,7 +157,10 @@ def _merge_raw(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, rec
     full = sensor.white - float(sensor.black.max())
     row, column = bracket.sample_places
     signals = bracket.samples - sensor.black[row % 2, column % 2]
-    plan = _plan([signals], [HARD_RAW * full], [0.0], full, told, when, recipe, record, refine=True)
+    hard = HARD_RAW * full
+    typical = Noise.typical(full)
+    told = readings[_believed({k: misfit(signals, t, typical, hard) for k, t in readings.items()}, record)]
+    plan = _plan([signals], [hard], [0.0], full, told, when, recipe, record, refine=True)
     weights = recipe.luminance_row or camera_row(sensor.xyz_to_camera)
     record.update(black=sensor.black.ravel().tolist(), white=sensor.white, covered_median=sensor.dark)
     if sensor.mosaic:
@@ -187,11 +201,13 @@ def _merge_raw(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, rec
     return Merged(planes[0], planes[1], planes[2], planes[3], flags, step, record=record)
 
 
-def _merge_pictures(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe, record: dict[str, Any]) -> Merged:
+def _merge_pictures(
+    bracket: Bracket, readings: dict[str, Floats], when: Floats, recipe: Recipe, record: dict[str, Any]
+) -> Merged:
     """Merge colour pictures of 8 or 16 bits through their response."""
     from analysis.hdr.kernels import merge_colour
 
-    response = recipe.response or _response(bracket, told)
+    response, told = _response(bracket, readings, recipe, record)
     record["response"] = {"kind": response.kind, "source": response.source, "residual_ln": response.residual}
     curves = response.table(bracket.samples.dtype.itemsize * 8)
     hard_code, low_code = (int(code * (curves.shape[1] - 1) / 255.0) for code in (HARD_CODE, LOW_CODE))
@@ -227,7 +243,19 @@ def _merge_pictures(bracket: Bracket, told: Floats, when: Floats, recipe: Recipe
     return Merged(planes[0], planes[1], planes[2], planes[3], flags, 1, kept, response, record)
 
 
-def _response(bracket: Bracket, told: Floats) -> Response:
-    if bracket.samples.dtype == np.uint8:
-        return recover_response(bracket.samples, told.tolist())
-    return Response.linear()
+def _response(
+    bracket: Bracket, readings: dict[str, Floats], recipe: Recipe, record: dict[str, Any]
+) -> tuple[Response, Floats]:
+    """The response of pictures, given or recovered, and the reading of the times that suits it."""
+    if recipe.response is None and bracket.samples.dtype == np.uint8:
+        recovered = {name: recover_response(bracket.samples, t.tolist()) for name, t in readings.items()}
+        name = _believed({k: r.residual or 0.0 for k, r in recovered.items()}, record)
+        return recovered[name], readings[name]
+    response = recipe.response or Response.linear()
+    curve = response.table(bracket.samples.dtype.itemsize * 8)[1]
+    hard = float(curve[int(HARD_CODE * (len(curve) - 1) / 255.0)])
+    shut = np.any(bracket.samples >= HARD_CODE * (len(curve) - 1) / 255.0, axis=2)
+    green = np.where(shut, 9e9, curve[bracket.samples[..., 1]])
+    typical = Noise.typical(1.0)
+    name = _believed({k: misfit(green, t, typical, hard) for k, t in readings.items()}, record)
+    return response, readings[name]

@@ -42,8 +42,8 @@ class Recipe:
     response
         Of pictures; ``None`` recovers it from the bracket (8 bits), or takes 16 bits as linear.
     snap
-        Replace times that are camera labels by the exact steps they stand for; ``None`` does so for times read from the
-        files, not for times given.
+        Replace times that are camera labels by the exact steps they stand for. ``None`` lets the exposures decide for
+        times read from the files, and takes times given as they are.
     refine
         Refine the times from the exposures; ``None`` does so for raw files only (pictures mend errors of the response
         with the times).

@@ -83,6 +83,19 @@ def refine_times(signals: Floats, times: Floats, noise: Noise, hard: float) -> R
     return Refined(np.exp(now), sd, len(ratios), residual)
 
 
+def misfit(signals: Floats, times: Floats, noise: Noise, hard: float) -> float:
+    """How far the exposures' ratios are from those of the times: root mean square of the logarithm, 0 without any.
+
+    Ratios count by their noise, but none as better than one per cent. Arguments as for `refine_times`.
+    """
+    x = estimate(signals, times, noise, hard)
+    design, ratios, variances = _ratios(signals, times, x, noise, hard)
+    if len(ratios) == 0:
+        return 0.0
+    weight = 1.0 / (variances + 1e-4)
+    return float(np.sqrt(np.sum(weight * (design @ np.log(times) - ratios) ** 2) / np.sum(weight)))
+
+
 def _ratios(signals: Floats, times: Floats, x: Floats, noise: Noise, hard: float) -> tuple[Floats, Floats, Floats]:
     """Design (n, F), logarithms of signal ratios (n,) and their variances (n,) of neighbours and next but one."""
     order = np.argsort(-times)
@@ -95,16 +108,35 @@ def _ratios(signals: Floats, times: Floats, x: Floats, noise: Noise, hard: float
             p, q = x * times[i], x * times[j]
             open_ = (signals[i] < hard) & (signals[j] < hard)
             good = np.isfinite(x) & open_ & (p < 0.8 * hard) & (p > 0.03 * hard) & (q > 0.004 * hard)
-            if np.count_nonzero(good) < 50:
-                continue
-            top, bottom = float(signals[i][good].sum()), float(signals[j][good].sum())
+            found = _ratio(signals[i][good], signals[j][good], noise)
             # a ratio that is off by a third is no error of a shutter: the scene changed, or next to nothing was seen
-            if top <= 0.0 or bottom <= 0.0 or abs(np.log(top / bottom * times[j] / times[i])) > 0.3:
+            if found is None or abs(found[0] - np.log(times[i] / times[j])) > 0.3:
                 continue
             row = np.zeros(len(order))
             row[i], row[j] = 1.0, -1.0
             design.append(row)
-            ratios.append(np.log(top / bottom))
-            spread = noise.variance(p[good]).sum() / top**2 + noise.variance(q[good]).sum() / bottom**2
-            variances.append(float(spread) + _PAIR_SD**2)
+            ratios.append(found[0])
+            variances.append(found[1] + _PAIR_SD**2)
     return np.array(design).reshape(-1, len(order)), np.array(ratios), np.array(variances)
+
+
+def _ratio(longer: Floats, shorter: Floats, noise: Noise) -> tuple[float, float] | None:
+    """Logarithm of the ratio of two exposures' signals at the same places, and its variance.
+
+    Places that differ from it by more than four standard deviations have moved (a disc's rim that follows the sun) and
+    are left out. The scatter of the rest counts where it is larger than noise. ``None`` with fewer than 50 places.
+    """
+    keep = np.ones(len(longer), dtype=np.bool_)
+    # moved places can hold more light than all others, so the first guess is a median
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = float(np.median(longer / shorter)) if len(longer) >= 50 else 0.0
+    for _ in range(3):
+        if ratio <= 0.0 or not np.isfinite(ratio) or np.count_nonzero(keep) < 50:
+            return None
+        off = longer - ratio * shorter
+        variance = noise.variance(longer) + ratio**2 * noise.variance(longer / ratio)
+        keep = off**2 < 16.0 * variance
+        top, bottom = float(longer[keep].sum()), float(shorter[keep].sum())
+        ratio = top / bottom if bottom > 0.0 else 0.0
+    spread = max(float(np.sum(variance[keep])), float(np.sum(off[keep] ** 2)))
+    return float(np.log(ratio)), spread / top**2

@@ -145,7 +145,7 @@ def sun_of(
     """
     if not (np.isfinite(global_.value) and global_.value > 0.0):
         raise DataError(f"a global illuminance of {global_.value:g} lx says nothing about the sun")
-    sine = np.sin(np.radians(altitude_deg))
+    sine = float(np.sin(np.radians(altitude_deg)))
     if sine <= 0.0:
         raise DataError(f"the sun is {-altitude_deg:.1f}° below the horizon: check time, time zone and site")
     total = sky.horizontal_illuminance()

@@ -28,7 +28,7 @@ from labdaq.errors import StorageError
 @click.option("--size", default=1000, show_default=True, type=click.IntRange(16, 4000), help="Of the unwrapped map.")
 @click.option("--scale", type=click.FloatRange(min=0.0, min_open=True), help="cd/m² for a signal of one per second.")
 @click.option("--colour", is_flag=True, help="Write red, green and blue instead of luminance (8-bit pictures only).")
-@click.option("--labels", is_flag=True, help="Take the cameras' round times as they are, not as exact steps.")
+@click.option("--labels", is_flag=True, help="Take the cameras' round times as they are, even if exact steps fit.")
 @click.option(
     "--refine/--no-refine", default=None, help="Refine the times from the exposures; raw files do by default."
 )

@@ -124,6 +124,47 @@ def test_shutter_labels_cost_five_percent_unless_the_bracket_corrects_them(tmp_p
     assert abs(tilt(merge(exposures(paths, None), Recipe(refine=False)))) < 0.001
 
 
+@pytest.mark.parametrize("honest", [True, False])
+def test_the_exposures_say_whether_labels_are_meant_literally(honest: bool, tmp_path: Path) -> None:
+    labels = (
+        8.0,
+        4.0,
+        2.0,
+        1.0,
+        0.5,
+        0.25,
+        0.125,
+        1 / 15,
+        1 / 30,
+        1 / 60,
+        1 / 125,
+        1 / 250,
+        1 / 500,
+        1e-3,
+        5e-4,
+        2.5e-4,
+    )
+    rate = scene(decades=(1.0, 6.0))
+    done = merge(exposures(raw_bracket(tmp_path, rate, labels if honest else LADDER, labels), None))
+    read = done.record["times_read"]
+    assert read["as"] == ("as told" if honest else "exact steps")
+    assert min(read["misfit_ln"].values()) < 0.3 * max(read["misfit_ln"].values())
+
+
+def test_a_bright_thing_that_moved_does_not_shift_a_time(tmp_path: Path) -> None:
+    # the rim of a shading disc follows the sun: few places, but more light than all others
+    rng = np.random.default_rng(6)
+    dark, paths = np.full((64, 64), 300.0), []
+    for k, time in enumerate(LADDER[:8]):
+        rate = dark.copy()
+        rate[2 * k : 2 * k + 2] = 6000.0
+        paths.append(tmp_path / f"{k}.dng")
+        write_dng(paths[-1], raw_codes(rate, time, rng), time)
+    found = np.array(merge(exposures(paths, LADDER[:8])).record["times_s"])
+    error = np.log(found / np.array(LADDER[:8]))
+    assert np.max(np.abs(error - error.mean())) < 0.004
+
+
 def test_jitter_of_the_shutter_is_measured(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     true = tuple(float(t * np.exp(rng.normal(0.0, 0.01))) for t in LADDER)
