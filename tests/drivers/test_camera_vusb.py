@@ -10,7 +10,6 @@ import asyncio
 import ctypes
 import errno
 import importlib.util
-import os
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +32,8 @@ PICTURE = b"\xff\xd8\xff\xe0" + bytes(i % 253 for i in range(50_000)) + b"\xff\x
 class Vusb(UsbFront):
     """A pyusb backend whose only camera is libgphoto2's virtual one."""
 
-    def __init__(self, card: Path) -> None:
+    def __init__(self) -> None:
         super().__init__(Any, packet=512)  # type: ignore[arg-type]  # one device; it answers itself
-        os.environ["IOLIBS"], os.environ["VCAMERADIR"] = str(HOME / "vusb"), str(card)
         self.library = ctypes.CDLL(str(HOME / "libgphoto2_port.so.12"))
         ports, info = ctypes.c_void_p(), ctypes.c_void_p()
         self.port = ctypes.c_void_p()
@@ -70,11 +68,13 @@ class Vusb(UsbFront):
         return self._call("gp_port_check_int", self.port, into, len(buffer))
 
 
-def test_a_bracket_on_somebody_elses_camera(tmp_path: Path) -> None:
+def test_a_bracket_on_somebody_elses_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IOLIBS", str(HOME / "vusb"))  # and back: whoever uses libgphoto2 next wants its real ports
+    monkeypatch.setenv("VCAMERADIR", str(tmp_path))
     card = tmp_path / "DCIM" / "100TEST"
     card.mkdir(parents=True)
     (card / "FIRST.JPG").write_bytes(PICTURE)  # what the virtual camera gives for every picture it takes
-    front = Vusb(tmp_path)
+    front = Vusb()
 
     async def main() -> None:
         driver = Camera(
