@@ -2,12 +2,17 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, model_validator
+
+from analysis.photometry.distribution import Distribution
+from analysis.photometry.lm63 import read_lm63
+from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -125,6 +130,11 @@ class Parts(_Part):
     sky: str | None = None
     total: str | None = None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The files that are named."""
+        return tuple(name for name in (self.sun, self.sky, self.total) if name is not None)
+
 
 class Test(_Part):
     """One test: a system under one sky. Sun angles are for the middle of the test [deg]."""
@@ -215,6 +225,20 @@ class Records:
         return np.isfinite(self.sun) & np.isfinite(self.sky)
 
 
+def distribution(path: Path) -> Distribution:
+    """The distribution in an .ies file; read once as long as the file does not change. Raises `DataError`."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from None
+    return _read_once(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=512)
+def _read_once(path: Path, mtime_ns: int, size: int) -> Distribution:
+    return read_lm63(path).distribution
+
+
 @dataclass(frozen=True)
 class Case:
     """A case as read from ``folder``: its set-up and its records."""
@@ -232,6 +256,10 @@ class Case:
     def channels(self) -> tuple[Channel, ...]:
         """The channels, in the order that `Records.channel` counts them."""
         return self.setup.channel
+
+    def distribution(self, name: str) -> Distribution:
+        """A predicted distribution of the case by its file's name; raises `DataError` when it cannot be read."""
+        return distribution(self.folder / name)
 
     def system_of(self, test: Test) -> System | None:
         """The system that hung in the roof during ``test``; ``None`` if the case does not describe it."""

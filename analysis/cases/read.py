@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from analysis.cases.model import Case, CaseFile, Parts, Records
+from analysis.cases.model import Case, CaseFile, Parts, Records, distribution
 from labdaq.clock import utc_ns_of
 from labdaq.errors import DataError, Problems
 
@@ -27,7 +27,7 @@ COLUMNS = (
 )
 _MAY_BE_EMPTY = {"time", "gamma_deg", "c_deg", "measured", "uncertainty", "simulated_sun", "simulated_sky"}
 _PARTS_TOLERANCE = 2e-3  # the parts are written rounded; a larger gap is a mistake
-_HINT = "see docs/formats.md for the format of a case"
+_HINT = "docs/cases.md describes the format of a case"
 _SHOWN = 12  # a broken column would otherwise print thousands of lines
 
 
@@ -47,8 +47,8 @@ def _read_setup(folder: Path) -> CaseFile:
     path = folder / "case.toml"
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"{path}: there is no such file", "a case is a folder with case.toml and records.csv") from None
+    except OSError as error:
+        raise _unreadable(path, error) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not valid TOML: {error}", _HINT) from None
     problems = Problems(str(path))
@@ -68,14 +68,24 @@ def _read_setup(folder: Path) -> CaseFile:
             problems.add(what, f"id '{twice}' is given twice")
     tests = {t.id for t in setup.test}
     for parts, where in _files_of(setup):
-        for name in (parts.sun, parts.sky, parts.total):
-            if name is not None and not (folder / name).is_file():
+        for name in parts.names:
+            if not (folder / name).is_file():
                 problems.add(where, f"there is no file {name}")
+                continue
+            try:
+                distribution(folder / name)
+            except DataError as error:
+                problems.add(where, error.message)
     for k, variant in enumerate(setup.variant):
         for unknown in sorted(set(variant.simulated) - tests):
             problems.add(f"variant.{k}.simulated", f"there is no test '{unknown}'")
     problems.raise_if_any(DataError, _HINT)
     return setup
+
+
+def _unreadable(path: Path, error: OSError) -> DataError:
+    why = "there is no such file" if isinstance(error, FileNotFoundError | NotADirectoryError) else error.strerror
+    return DataError(f"{path}: {why}", "a case is a folder with case.toml and records.csv")
 
 
 def _files_of(setup: CaseFile) -> Iterator[tuple[Parts, str]]:
@@ -91,12 +101,14 @@ def _read_records(path: Path, setup: CaseFile, need_measured: bool) -> Records:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
-    except FileNotFoundError:
-        raise DataError(f"{path}: there is no such file", "a case is a folder with case.toml and records.csv") from None
+    except OSError as error:
+        raise _unreadable(path, error) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path}: not a CSV file: {error}", _HINT) from None
+    if not rows:
+        raise DataError(f"{path}: the file is empty", _HINT)
     problems = Problems(str(path))
-    header = [name.strip() for name in rows[0]] if rows else []
+    header = [name.strip() for name in rows[0]]
     for name in header:
         if name not in COLUMNS:
             problems.add("header", f"unknown column '{name}'; the columns are {','.join(COLUMNS)}")
@@ -141,6 +153,7 @@ class _RowReader:
         utc_ns = self._time(number, text.get("time", ""))
         values = {name: self._number(number, name, text.get(name, "")) for name in COLUMNS[3:]}
         self._check(number, values)
+        self._check_angles(number, channel, values)
         self.rows.append((number, test, channel, utc_ns, values))
 
     def _index(self, number: int, column: str, name: str, known: dict[str, int]) -> int:
@@ -162,7 +175,7 @@ class _RowReader:
         if not text and column in _MAY_BE_EMPTY:
             return float("nan")
         try:
-            value = float(text)
+            value = float(text) if text.isascii() and "_" not in text else float("nan")
         except ValueError:
             value = float("nan")
         if not np.isfinite(value):
@@ -181,6 +194,13 @@ class _RowReader:
             self.problems.add(
                 f"row {number}", f"simulated_sun + simulated_sky = {sun + sky:g} is not simulated = {total:g}"
             )
+
+    def _check_angles(self, number: int, channel: int, values: dict[str, float]) -> None:
+        if channel < 0 or self.setup.channel[channel].kind != "goniometer":
+            return
+        for name in ("gamma_deg", "c_deg"):
+            if self.header.count(name) == 0 or np.isnan(values[name]):
+                self.problems.add(f"row {number}, column {name}", "is empty, but a goniometer's sensor has a direction")
 
     def check_whole(self, need_measured: bool) -> None:
         """Mistakes that only the whole file shows."""
