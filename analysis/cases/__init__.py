@@ -2,5 +2,6 @@
 
 from analysis.cases.model import Case, Channel, Records, System, Test, Variant
 from analysis.cases.read import read_case
+from analysis.cases.write import write_case
 
-__all__ = ["Case", "Channel", "Records", "System", "Test", "Variant", "read_case"]
+__all__ = ["Case", "Channel", "Records", "System", "Test", "Variant", "read_case", "write_case"]
