@@ -9,8 +9,8 @@ Readings go into the case as they were taken: each at its own time, not normalis
 because that is one of the things an explanation looks at.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -18,35 +18,15 @@ import numpy as np
 from analysis.cases.model import FORMAT, CaseFile, Floats, Ints, Records, Simulation, System
 from analysis.compare.draft import Draft
 from analysis.compare.named_systems import NAMED_SYSTEMS
-from analysis.compare.predicted import Predicted, stems_of
+from analysis.compare.predicted import stems_of
 from analysis.compare.session_facts import certified, test_facts, test_names
+from analysis.compare.simulated_session import OtherChannel, SimulatedSession, SimulatedVariant
 from labdaq.errors import DataError, Problems
 from labdaq.reading import Reading
-from labdaq.session import Session
 from labdaq.station import Station
 
 _FULL_SCALE_V: Final = 10.0  # of the analog modules, see `labdaq.station.Arm`
 _KINDS: Final = {"illuminance": "illuminance-meter", "luminance": "luminance-meter"}
-
-Series = Callable[[Ints], Floats]
-"""What a channel should read at UTC times (N,) [ns]: values (N,) in the channel's unit."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class OtherChannel:
-    """A channel that is not the arm's, e.g. a roof meter, with what it should read.
-
-    Attributes
-    ----------
-    predict
-        What a second instrument or a sky model says.
-    noise_relative
-        Standard uncertainty of the noise, as a share of the reading; the default is half the 2 sigma repeatability
-        that the maker gives for the CL-200. (The uncertainty in a session is that of the value, calibration included.)
-    """
-
-    predict: Series
-    noise_relative: float = 0.0025
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,41 +43,6 @@ class NoiseOfHeads:
 
     relative: float = 0.003
     volts: float = 0.0005
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulatedVariant:
-    """The same simulation run again with one thing changed (see `analysis.cases.Variant`)."""
-
-    mechanism: str
-    setting: Mapping[str, Any]
-    predicted: Predicted
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulatedSession:
-    """One session, and what is predicted for it.
-
-    Attributes
-    ----------
-    session
-        As recorded.
-    predicted
-        Distribution under the sky and sun of the middle of the test [cd].
-    variants
-        The same with one thing changed.
-    others
-        Predictions for channels that are not the arm's, e.g. ``{"sky.global": OtherChannel(predict=...)}``; their
-        readings become records of the case as well.
-    test
-        Id of the test; by default the one in the script.
-    """
-
-    session: Session
-    predicted: Predicted
-    variants: Sequence[SimulatedVariant] = ()
-    others: Mapping[str, OtherChannel] = field(default_factory=dict)
-    test: str = ""
 
 
 def case_from_sessions(

@@ -1,7 +1,7 @@
 """What a simulation predicts for one test: its distributions, as values at directions and as files of a case."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Self
@@ -118,14 +118,15 @@ def file_name(stem: str, part: str, group: str = "") -> str:
     return f"simulated/{group + '/' if group else ''}{safe_name(stem)}-{part}.ies"
 
 
-def stems_of(tests: Iterable[str]) -> dict[str, str]:
-    """A file name for each test: its id where that makes a good name, and never the same twice."""
+def stems_of(ids: Iterable[str], shown: Callable[[str], str] = lambda text: text) -> dict[str, str]:
+    """A file name for each of ``ids``: what is ``shown`` of it where that is a good name, and never the same twice."""
     stems: dict[str, str] = {}
     taken: set[str] = set()
-    for name in tests:
-        stem, k = safe_name(name), 2
+    for name in ids:
+        first = safe_name(shown(name))
+        stem, k = first, 2
         while stem.lower() in taken:
-            stem, k = f"{safe_name(name)}-{k}", k + 1
+            stem, k = f"{first}-{k}", k + 1
         taken.add(stem.lower())
         stems[name] = stem
     return stems

@@ -55,6 +55,11 @@ def simulations(case: Case, others: Sequence[Case] = (), *, variants: bool = Fal
     return list(_with_unique_names(found))
 
 
+def rival_files(case: Case) -> list[str]:
+    """The files that the case's ``[[rival]]`` tables name."""
+    return [name for rival in _rivals(case) for parts in rival.simulated.values() for name in parts.names]
+
+
 @dataclass(frozen=True)
 class _Named:
     name: str

@@ -1,24 +1,30 @@
 """Recorded sessions beside simulated distributions become a case."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.cases.model import Simulation, System
-from analysis.compare.from_sessions import (
-    NoiseOfHeads,
-    OtherChannel,
-    SimulatedSession,
-    SimulatedVariant,
-    case_from_sessions,
-)
+from analysis.compare.from_sessions import NoiseOfHeads, case_from_sessions
 from analysis.compare.predicted import Predicted
+from analysis.compare.simulated_session import OtherChannel, SimulatedSession, SimulatedVariant, with_predictions
 from labdaq.clock import NS, utc_ns_of
 from labdaq.errors import DataError
 from labdaq.session import Session
 from labdaq.station import Station
-from tests.analysis.compare.light import GAMMAS, PLANES, START, distribution, lobe, record, session_header, sky_part
+from tests.analysis.compare.light import (
+    GAMMAS,
+    PLANES,
+    START,
+    distribution,
+    lobe,
+    record,
+    session_header,
+    sky_part,
+    write_ies,
+)
 
 beam = lobe(35.0, 90.0, 4000.0)
 
@@ -142,3 +148,25 @@ def test_what_does_not_fit_is_refused(session: Session, tmp_path: Path) -> None:
     item = SimulatedSession(session=session, predicted=_predicted(), others={"sky.zenith": missing})
     with pytest.raises(DataError, match=r"no reading of sky\.zenith"):
         case_from_sessions([item])
+
+
+def test_predictions_are_found_beside_their_sessions(session: Session, tmp_path: Path) -> None:
+    copy = tmp_path / session.path.name
+    shutil.copytree(session.path, copy)
+    with pytest.raises(DataError, match=r"has no prediction: neither simulated-sun\.ies and simulated-sky\.ies nor"):
+        with_predictions([copy])
+    write_ies(copy / "derived" / "simulated.ies", distribution(sky_part))
+    assert set(with_predictions([copy])[0].predicted.parts) == {"total"}
+    write_ies(copy / "derived" / "simulated-sun.ies", distribution(beam))
+    write_ies(copy / "derived" / "simulated-sky.ies", distribution(sky_part))
+    assert set(with_predictions([copy])[0].predicted.parts) == {"sun", "sky"}
+    given = with_predictions([copy], {"total": copy / "derived" / "simulated-sun.ies"})
+    assert given[0].predicted.total is not None
+    with pytest.raises(DataError, match="belong to one session"):
+        with_predictions([copy, session.path], {"total": copy / "derived" / "simulated.ies"})
+    with pytest.raises(DataError) as caught:
+        with_predictions([copy, session.path, tmp_path / "nothing"])
+    lines = caught.value.message.splitlines()
+    assert len(lines) == 2
+    assert "has no prediction" in lines[0]
+    assert "not a session" in lines[1]

@@ -1,0 +1,129 @@
+"""The words of a benchmark: its README, which must be enough to use it without labdaq, and its licence."""
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from labdaq.errors import ConfigError
+
+_KNOWN: Final = {
+    "CC0-1.0": ("Creative Commons Zero 1.0 Universal", "https://creativecommons.org/publicdomain/zero/1.0/legalcode"),
+    "CC-BY-4.0": (
+        "Creative Commons Attribution 4.0 International",
+        "https://creativecommons.org/licenses/by/4.0/legalcode",
+    ),
+    "CC-BY-SA-4.0": (
+        "Creative Commons Attribution-ShareAlike 4.0 International",
+        "https://creativecommons.org/licenses/by-sa/4.0/legalcode",
+    ),
+    "ODbL-1.0": ("Open Data Commons Open Database License 1.0", "https://opendatacommons.org/licenses/odbl/1-0/"),
+}
+LICENCES: Final = tuple(_KNOWN)
+
+
+@dataclass(frozen=True)
+class Licence:
+    """What others may do with the data: an SPDX identifier of an open licence, and who grants it."""
+
+    spdx: str = "CC-BY-4.0"
+    holder: str = ""
+
+    def __post_init__(self) -> None:
+        if self.spdx not in _KNOWN:
+            raise ConfigError(f"{self.spdx}: is not a licence for open data known here", f"use {', '.join(_KNOWN)}")
+
+    def text(self) -> str:
+        """Content of LICENCE.txt."""
+        name, where = _KNOWN[self.spdx]
+        holder = f"Granted by: {self.holder}\n" if self.holder else ""
+        return (
+            f"The data in this folder may be used under the terms of\n\n    {name}\n    {where}\n\n"
+            f"SPDX-License-Identifier: {self.spdx}\n{holder}"
+        )
+
+
+_TOP: Final = """\
+WHAT THIS IS
+
+Recordings of skylights under a real or emulated sky, beside what simulations predict for the same readings, for
+checking daylight simulations. Everything is plain text (CSV, TOML, IES LM-63), pictures excepted (Radiance .hdr, camera
+files).
+
+CONVENTIONS
+
+Times are UTC (ISO 8601). Angles are degrees. Illuminance is in lx, luminous intensity in cd, luminance in cd/m2,
+lengths in m, unless a column or file says otherwise. Azimuth runs from north (0) through east (90).
+Photometry is of type C: gamma = 0 at nadir, 90 at the horizon; C = 0 towards north, 90 west, 180 south, 270 east,
+which is counter-clockwise seen from above. A place in the sky is given the same way: the zenith is gamma = 180, and C
+is 360 minus its azimuth. CSV files have one line of column names; an empty field is a missing value; the decimal sign
+is a point.
+"""
+_FILES: Final = {
+    "benchmark.toml": "what the folder holds",
+    "LICENCE.txt": "what may be done with it",
+    "MANIFEST.sha256": "check sums of all files: sha256sum -c MANIFEST.sha256",
+    "tests.csv": "one line for each test, with the files that belong to it",
+    "systems/": "the skylights, as simulations assumed them (TOML)",
+    "cases/": "recorded beside predicted readings: case.toml (the set-up), records.csv, simulated/*.ies",
+    "photometry/": "recorded intensities of the tests of cases as IES LM-63-2019 files",
+    "sessions/": "recordings: session.toml, readings.csv, exposures.csv, derived/ (sky maps, photometry), original/",
+}
+_COLUMNS: Final = {
+    "cases/*/records.csv": (
+        ("test, channel", "names; case.toml describes them, with the unit of the channel's readings"),
+        ("time", "middle of the integration, UTC"),
+        ("gamma_deg, c_deg", "where the sensor was or looked [deg]"),
+        ("measured", "the reading [the channel's unit]"),
+        ("uncertainty", "standard uncertainty of the reading's noise alone [same unit]"),
+        ("simulated", "the prediction [same unit]"),
+        ("simulated_sun, simulated_sky", "its parts due to the sun and to the rest of the sky [same unit]"),
+    ),
+    "sessions/*/readings.csv": (
+        ("utc, mono_ns", "middle of the integration: UTC, and a count that never jumps [ns]"),
+        ("duration_s", "length of the integration [s]"),
+        ("channel, quantity, value, unit", "what was read, as the instrument gave it"),
+        ("uncertainty", "standard uncertainty of the value, calibration included [unit]"),
+        ("gamma_deg, c_deg", "where the sensor was [deg]"),
+        ("usable, flags", "whether the value may be used; what is doubtful about it"),
+        ("instrument, step", "who read, and in which step of the test"),
+    ),
+    "sessions/*/exposures.csv": (
+        ("exposure_s, nominal_exposure_s", "shutter time by the camera's account, and as set [s]"),
+        ("f_number, iso", "as the camera says"),
+        ("file, size, sha256", "the picture in the original session; size in bytes"),
+    ),
+}
+_TESTS: Final = (
+    ("source", "folder of the case or session"),
+    ("sun_altitude_deg, sun_azimuth_deg", "in the middle of the test [deg]"),
+    ("global_illuminance_lx, diffuse_illuminance_lx", "horizontal illuminance on the roof [lx]"),
+    ("readings", "number of usable readings"),
+    ("..._ies, sky_hdr, system_file", "files, relative to this folder"),
+)
+_IES: Final = """\
+ABOUT THE .IES FILES
+
+Absolute photometry (-1 lumens). Files in photometry/ hold intensity = illuminance x distance^2 at one finite distance
+(the keyword [_DISTANCE]); they are near-field data and hold at that distance. Gamma 90 is zero by definition, not
+measured (keyword [_ROW90]). [_PART] tells whether a simulated file is the sun part, the sky part or both.
+"""
+
+
+def readme(title: str, licence: Licence, names: Sequence[str], test_columns: Sequence[str]) -> str:
+    """Text of README.txt for a folder that holds ``names``."""
+    every = [*names, "MANIFEST.sha256"]
+    parts = [f"{title.upper()}\n{'=' * len(title)}\n", _TOP, "FILES\n"]
+    parts += [f"  {name:<16} {what}" for name, what in _FILES.items() if any(n.startswith(name) for n in every)]
+    every_column = textwrap.fill(", ".join(test_columns), 118, initial_indent="  ", subsequent_indent="  ")
+    parts.append(f"\nCOLUMNS OF tests.csv\n\n{every_column}\n")
+    parts += [f"  {name}: {what}" for name, what in _TESTS]
+    for file, columns in _COLUMNS.items():
+        folder, last = file.split("/*/")
+        if any(n.startswith(f"{folder}/") and n.endswith(last) for n in names):
+            parts.append(f"\nCOLUMNS OF {file}\n")
+            parts += [f"  {name}: {what}" for name, what in columns]
+    if any(n.endswith(".ies") for n in names):
+        parts.append(f"\n{_IES}")
+    parts.append(f"\nLICENCE\n\n{licence.text()}")
+    return "\n".join(parts)
