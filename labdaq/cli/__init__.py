@@ -16,6 +16,8 @@ COMMANDS: Final[dict[str, str]] = {
     "doctor": "Look at every instrument, the clock and the disk.",
     "session": "List, show and verify recorded sessions.",
     "merge": "Merge a bracket of exposures into a luminance map.",
+    "compare": "Put recordings beside simulations, as a case and as a report.",
+    "benchmark": "Pack recordings and simulations for others; verify a pack.",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 
