@@ -23,6 +23,7 @@ from analysis.compare.session_facts import certified, test_facts, test_names
 from analysis.compare.simulated_session import OtherChannel, SimulatedSession, SimulatedVariant
 from labdaq.errors import DataError, Problems
 from labdaq.reading import Reading
+from labdaq.session import Session
 from labdaq.station import Station
 
 _FULL_SCALE_V: Final = 10.0  # of the analog modules, see `labdaq.station.Arm`
@@ -100,26 +101,33 @@ def case_from_sessions(
         for variant in item.variants:
             group = variants.group(variant, name, stems[name])
             files |= variant.predicted.files(stems[name], name, group=group, aperture=aperture, issued=issued)
+    hung = [known[i] for i in dict.fromkeys(t["system"] for t in tests) if i in known]
     setup = {
         "format": FORMAT,
         "title": title,
-        "site": station.site.model_dump(),
-        "room": {"size_m": station.room.size_m},
-        "goniometer": {
-            "distance_m": station.goniometer.distance_m,
-            "gammas_deg": station.goniometer.gammas_deg,
-            "c_planes_deg": items[0].session.script.scan.c_planes_deg,
-            "sensor_half_angle_deg": station.goniometer.sensor_half_angle_deg,
-        },
+        **_place(station, items[0].session),
         **({} if simulation is None else {"simulation": simulation.model_dump(exclude_unset=True)}),
-        "system": [
-            known[i].model_dump(exclude_unset=True) for i in dict.fromkeys(t["system"] for t in tests) if i in known
-        ],
+        "system": [system.model_dump(exclude_unset=True) for system in hung],
         "channel": table.channels,
         "test": tests,
         **({"variant": variants.tables} if variants.tables else {}),
     }
     return Draft(CaseFile.model_validate(setup), table.records(), files, tuple(table.notes))
+
+
+def _place(station: Station, session: Session) -> dict[str, Any]:
+    """Site, room and goniometer as a case has them."""
+    arm = station.goniometer
+    return {
+        "site": station.site.model_dump(),
+        "room": {"size_m": station.room.size_m},
+        "goniometer": {
+            "distance_m": arm.distance_m,
+            "gammas_deg": arm.gammas_deg,
+            "c_planes_deg": session.script.scan.c_planes_deg,
+            "sensor_half_angle_deg": arm.sensor_half_angle_deg,
+        },
+    }
 
 
 def _one_station(items: Sequence[SimulatedSession]) -> Station:
