@@ -234,7 +234,7 @@ def distribution(path: Path) -> Distribution:
     return _read_once(path, state.st_mtime_ns, state.st_size)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=256)
 def _read_once(path: Path, mtime_ns: int, size: int) -> Distribution:
     return read_lm63(path).distribution
 

@@ -153,7 +153,7 @@ class _RowReader:
         utc_ns = self._time(number, text.get("time", ""))
         values = {name: self._number(number, name, text.get(name, "")) for name in COLUMNS[3:]}
         self._check(number, values)
-        self._check_angles(number, channel, values)
+        self._check_angles(number, channel, text)
         self.rows.append((number, test, channel, utc_ns, values))
 
     def _index(self, number: int, column: str, name: str, known: dict[str, int]) -> int:
@@ -195,11 +195,11 @@ class _RowReader:
                 f"row {number}", f"simulated_sun + simulated_sky = {sun + sky:g} is not simulated = {total:g}"
             )
 
-    def _check_angles(self, number: int, channel: int, values: dict[str, float]) -> None:
+    def _check_angles(self, number: int, channel: int, text: dict[str, str]) -> None:
         if channel < 0 or self.setup.channel[channel].kind != "goniometer":
             return
         for name in ("gamma_deg", "c_deg"):
-            if self.header.count(name) == 0 or np.isnan(values[name]):
+            if not text.get(name):
                 self.problems.add(f"row {number}, column {name}", "is empty, but a goniometer's sensor has a direction")
 
     def check_whole(self, need_measured: bool) -> None:

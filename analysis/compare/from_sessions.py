@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.cases.model import FORMAT, CaseFile, Floats, Ints, Records, Simulation, System
+from analysis.cases.model import FORMAT, Aperture, CaseFile, Floats, Ints, Records, Simulation, System
 from analysis.compare.draft import Draft
 from analysis.compare.named_systems import NAMED_SYSTEMS
 from analysis.compare.predicted import stems_of
@@ -98,9 +98,7 @@ def case_from_sessions(
         tests.append({"id": name, **facts, "simulated": item.predicted.names(stems[name])})
         if system is not None:
             known.setdefault(system.id, system)
-        for variant in item.variants:
-            group = variants.group(variant, name, stems[name])
-            files |= variant.predicted.files(stems[name], name, group=group, aperture=aperture, issued=issued)
+        files |= variants.take(item.variants, name, stems[name], aperture, issued)
     hung = [known[i] for i in dict.fromkeys(t["system"] for t in tests) if i in known]
     setup = {
         "format": FORMAT,
@@ -150,16 +148,21 @@ class _Variants:
     def __init__(self) -> None:
         self.tables: list[dict[str, Any]] = []
 
-    def group(self, variant: SimulatedVariant, test: str, stem: str) -> str:
-        """Note a variant of a test; return the folder of its files."""
-        wanted = {"mechanism": variant.mechanism, "setting": dict(variant.setting)}
-        same = [i for i, table in enumerate(self.tables) if {key: table[key] for key in wanted} == wanted]
-        if not same:
-            self.tables.append({**wanted, "simulated": {}})
-        k = same[0] if same else len(self.tables) - 1
-        group = f"variant-{k + 1}"
-        self.tables[k]["simulated"][test] = variant.predicted.names(stem, group)
-        return group
+    def take(
+        self, several: Sequence[SimulatedVariant], test: str, stem: str, aperture: Aperture | None, issued: str
+    ) -> dict[str, bytes]:
+        """Note the variants of a test; return their files."""
+        files: dict[str, bytes] = {}
+        for variant in several:
+            wanted = {"mechanism": variant.mechanism, "setting": dict(variant.setting)}
+            same = [i for i, table in enumerate(self.tables) if {key: table[key] for key in wanted} == wanted]
+            if not same:
+                self.tables.append({**wanted, "simulated": {}})
+            k = same[0] if same else len(self.tables) - 1
+            group = f"variant-{k + 1}"
+            self.tables[k]["simulated"][test] = variant.predicted.names(stem, group)
+            files |= variant.predicted.files(stem, test, group=group, aperture=aperture, issued=issued)
+        return files
 
 
 class _Table:
