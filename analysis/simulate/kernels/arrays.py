@@ -1,0 +1,122 @@
+"""What the kernels are given, bundled: named tuples of numbers and arrays (numba takes them apart at compile time)."""
+
+from typing import Any, Final, NamedTuple
+
+# columns of the geometry
+SHAPE, AX, AY, HEIGHT, BOOT, COVER, RISE, CAP_RADIUS, CAP_CENTRE, AREA, TURN_C, TURN_S = range(12)
+RECTANGLE, DISC = 0, 1
+FLAT, PYRAMID, DOME = 0, 1, 2
+# columns of a facet row: outward normal, offset along it, area
+NX, NY, NZ, OFFSET, FACET_AREA = range(5)
+# columns of a wall
+RHO, LAMBERT, SPREAD = range(3)
+# columns of a lens
+KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT = range(11)
+NONE, CLEAR, TABLE, DIFFUSING = 0, 1, 2, 3
+# units of the scatter tables
+DELTA_SCALE: Final = 1.0 / 16000.0
+WEIGHT_SCALE: Final = 1.0 / 32000.0
+# kinds of source
+SKY, SUN, GIVEN = 0, 1, 2
+# what became of the light, columns of the balance
+IN, OUTSIDE, OUT, BACK, LENS, WALL, CUT, ROULETTE, RAYS = range(9)
+
+
+class Skylight(NamedTuple):
+    """A system, ready to trace.
+
+    Attributes
+    ----------
+    geometry, well, boot, entry, exit
+        Tuples of numbers, see the columns above.
+    facets : shape (4, 5)
+        Of the pyramid: east, north, west, south.
+    above, below, under
+        Scatter tables (rows, samples, 3), int16: the entry from outside and from inside, the exit lens from inside.
+    nodes : shape (rows, 2)
+        Tangential direction cosines of incidence of the tables' rows.
+    half
+        Steps of the tables' grid from middle to edge.
+    exact
+        Whether ``above`` was made for this very sun: one row for each facet, in the facet's own frame.
+    spots : shape (facets, 2)
+        Then: tangential direction cosines of the sun's light on each facet.
+    lobe : shape (1, samples, 3)
+        The lower half of a cosine lobe in the form of a scatter table.
+    """
+
+    geometry: Any
+    facets: Any
+    well: Any
+    boot: Any
+    entry: Any
+    exit: Any
+    above: Any
+    below: Any
+    under: Any
+    nodes: Any
+    half: int
+    exact: bool
+    spots: Any
+    lobe: Any
+
+
+class Light(NamedTuple):
+    """A source; see `analysis.simulate.source.Source`. ``steps`` (cells + 1) is cumulative probability."""
+
+    mode: int
+    side: int
+    steps: Any
+    flux: Any
+    span: Any
+    suns: Any
+    rays: Any
+
+
+class Counts(NamedTuple):
+    """Where rays are counted.
+
+    Attributes
+    ----------
+    sharp, soft : flat float32 arrays
+        Lumens by (boot bounces, wall bounces, field, cell, member): light of specular paths, and light that a diffuse wall
+        sent.
+    sharp_side, soft_side
+        Direction cells along the side of the square.
+    classes, sharp_classes, bounces
+        Sizes of the first two axes; ``sharp`` has one bounce class only if the wall is diffuse.
+    members
+        Size of the last axis.
+    diffuse_well, diffuse_boot
+        Whether a bounce there makes light soft.
+    distance
+        Of the near field's sensors [m]; 0 leaves it out.
+    split, glow
+        Samples scored for each ray that reaches the last lens, and that a diffuse wall sends on.
+    limit
+        Most wall reflections.
+    balance : shape (9,)
+    fan_a, fan_b, fan_w, fan_far, fan_near : shape (split,)
+        Room for the samples of one lens pass.
+    """
+
+    sharp: Any
+    soft: Any
+    sharp_side: int
+    soft_side: int
+    classes: int
+    sharp_classes: int
+    bounces: int
+    members: int
+    diffuse_well: bool
+    diffuse_boot: bool
+    distance: float
+    split: int
+    glow: int
+    limit: int
+    balance: Any
+    fan_a: Any
+    fan_b: Any
+    fan_w: Any
+    fan_far: Any
+    fan_near: Any

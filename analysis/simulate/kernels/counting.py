@@ -1,0 +1,78 @@
+"""Counting rays that leave the aperture, by direction and by where they meet the sensors' sphere."""
+
+import math
+
+import numpy as np
+
+from analysis.simulate.kernels.arrays import TURN_C, TURN_S
+from analysis.simulate.kernels.jit import jit
+from analysis.simulate.kernels.optics import square_of
+
+
+@jit
+def cell_of(x, y, z, side):  # type: ignore[no-untyped-def]
+    """Cell of the direction square (side by side cells) for a direction with z >= 0."""
+    u, v = square_of(x, y, z)
+    i = min(side - 1, int((u + 1.0) * 0.5 * side))
+    j = min(side - 1, int((v + 1.0) * 0.5 * side))
+    return i * side + j
+
+
+@jit
+def slot(counts, m, n):  # type: ignore[no-untyped-def]
+    """Where light is counted after m bounces on the boot and n on the wall.
+
+    Returns whether that is the soft tally, cells along its side, and the first cell of the far and of the near field.
+    """
+    gentle = (counts.diffuse_well and n > 0) or (counts.diffuse_boot and m > 0)
+    side = counts.soft_side if gentle else counts.sharp_side
+    n = min(n, counts.bounces - 1)
+    n += min(m, (counts.classes if gentle else counts.sharp_classes) - 1) * counts.bounces
+    fields = 2 if counts.distance > 0.0 else 1
+    first = n * fields * side * side
+    return gentle, side, first, first + side * side
+
+
+@jit
+def add(counts, light, source, gentle, cell, value):  # type: ignore[no-untyped-def]
+    """Add to each member that the source's cell belongs to."""
+    first = cell * counts.members
+    for t in range(light.span[source, 0], light.span[source, 1]):
+        if gentle:
+            counts.soft[first + t] += np.float32(value * light.flux[source, t])
+        else:
+            counts.sharp[first + t] += np.float32(value * light.flux[source, t])
+
+
+@jit
+def add_fan(counts, light, source, gentle, first, cells, share):  # type: ignore[no-untyped-def]
+    """Add a fan of samples, each with its weight, to each member that the source's cell belongs to."""
+    for t in range(light.span[source, 0], light.span[source, 1]):
+        value = share * light.flux[source, t]
+        if gentle:
+            for k in range(counts.split):
+                counts.soft[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+        else:
+            for k in range(counts.split):
+                counts.sharp[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+
+
+@jit
+def score(counts, light, geo, source, m, n, value, x, y, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Count a ray that leaves the aperture at (x, y) after m bounces on the boot and n on the wall.
+
+    A sensor that faces the aperture's centre from distance D sees E = dΦ/dA of its sphere, so candela "as measured"
+    = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field.
+    """
+    if value == 0.0:
+        return
+    gentle, side, far, near = slot(counts, m, n)
+    c, s = geo[TURN_C], geo[TURN_S]
+    x, y = c * x - s * y, s * x + c * y
+    dx, dy = c * dx - s * dy, s * dx + c * dy
+    add(counts, light, source, gentle, far + cell_of(dx, dy, -dz, side), value)
+    d = counts.distance
+    if d > 0.0:
+        p = x * dx + y * dy
+        t = math.sqrt(p * p + d * d - x * x - y * y) - p
+        add(counts, light, source, gentle, near + cell_of((x + t * dx) / d, (y + t * dy) / d, -t * dz / d, side), value)

@@ -1,0 +1,67 @@
+"""How the kernels are compiled: cached on disk under a name that changes with any of their sources.
+
+numba notices a change of a function's own file only; a kernel that calls into another file would silently keep the
+old code. So the cache lives in a folder named after the content of all kernel files, outside the installation
+(which may be read-only).
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numba
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from analysis.simulate.store import cache_folder
+
+
+def _digest() -> str:
+    here = Path(__file__).parent
+    content = b"".join(path.read_bytes() for path in sorted(here.glob("*.py")))
+    return hashlib.sha256(content + numba.__version__.encode()).hexdigest()[:16]
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_FOLDER: Final = cache_folder("numba") / _digest()
+
+
+def _compiled(function: F, forceinline: bool) -> F:
+    config = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(_FOLDER)
+    try:
+        compiled: F = numba.njit(
+            cache=not forceinline, nogil=True, fastmath=True, error_model="numpy", forceinline=forceinline
+        )(function)
+    finally:
+        config.CACHE_DIR = before
+    return compiled
+
+
+def kernel(function: F) -> F:
+    """Compile a function that Python calls: without the interpreter lock, cached on disk, arithmetic reordered."""
+    return _compiled(function, forceinline=False)
+
+
+def jit(function: F) -> F:
+    """Compile a part of a kernel; it becomes code of its caller, because passing many arrays costs more than tracing."""
+    return _compiled(function, forceinline=True)
+
+
+@intrinsic
+def borrowed(typing_context, array):  # type: ignore[no-untyped-def]
+    """The same array without reference counting: counting costs more than tracing when kernels call each other.
+
+    The caller of the outermost kernel holds the arrays until it returns.
+    """
+
+    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        view = context.make_array(signature.args[0])(context, builder, value=arguments[0])
+        view.meminfo = cgutils.get_null_value(view.meminfo.type)
+        view.parent = cgutils.get_null_value(view.parent.type)
+        return view._getvalue()
+
+    return array(array), build

@@ -1,0 +1,55 @@
+"""Where rays come from: a cell of the sky, a sun, or a list; all land on the cover."""
+
+import math
+from typing import Final
+
+from analysis.simulate.kernels.jit import jit
+from analysis.simulate.kernels.optics import hemisphere_of, uniform
+
+# additive recurrence in six dimensions: powers of the root of x^7 = x + 1 (Roberts 2018, generalised golden ratio)
+_ROOT: Final = 1.1127756842787055
+A1: Final = 1 / _ROOT
+A2: Final = 1 / _ROOT**2
+A3: Final = 1 / _ROOT**3
+A4: Final = 1 / _ROOT**4
+A5: Final = 1 / _ROOT**5
+A6: Final = 1 / _ROOT**6
+
+
+@jit
+def even(start, i, step):  # type: ignore[no-untyped-def]
+    """The i-th number of an evenly spread sequence in [0, 1) (additive recurrence)."""
+    a = start + i * step
+    return a - math.floor(a)
+
+
+@jit
+def from_sky(place, side, state):  # type: ignore[no-untyped-def]
+    """Direction of travel (down) of light from somewhere in cell ``place`` of the sky's square."""
+    a, state = uniform(state)
+    b, state = uniform(state)
+    u = 2.0 * (place // side + a) / side - 1.0
+    v = 2.0 * (place % side + b) / side - 1.0
+    x, y, z = hemisphere_of(u, v)
+    return -x, -y, -max(z, 1e-9), state
+
+
+@jit
+def from_sun(suns, k, a, b, spread_a, spread_b):  # type: ignore[no-untyped-def]
+    """Direction of travel of light from the sun's disc, widened by a Gaussian if asked.
+
+    Row ``k`` of ``suns``: unit vector towards the sun (3), sine of the disc's radius, and the Gaussian's rms [rad].
+    """
+    sx, sy, sz = suns[k, 0], suns[k, 1], suns[k, 2]
+    r = suns[k, 3] * math.sqrt(a)
+    p, q = r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b)
+    if suns[k, 4] > 0.0:
+        g = suns[k, 4] * math.sqrt(-2.0 * math.log(1.0 - spread_a))
+        p += g * math.cos(2.0 * math.pi * spread_b)
+        q += g * math.sin(2.0 * math.pi * spread_b)
+    h = math.sqrt(sx * sx + sy * sy)
+    ax, ay = (-sy / h, sx / h) if h > 1e-9 else (1.0, 0.0)
+    bx, by, bz = -sz * ay, sz * ax, sx * ay - sy * ax
+    x, y, z = sx + p * ax + q * bx, sy + p * ay + q * by, sz + q * bz
+    scale = -1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale

@@ -1,0 +1,275 @@
+"""Random numbers, maps between square and hemisphere, and what happens to a ray at a lens.
+
+Every ray has its own stream of random numbers, and every event along its path a fresh place in it: two runs with the
+same seed meet the same accidents as long as their paths have the same events, which keeps ratios between variants quiet.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from analysis.simulate.kernels.arrays import (
+    CLEAR,
+    COS,
+    DELTA_SCALE,
+    DEPTH,
+    HAZE,
+    INDEX,
+    ISOTROPIC,
+    KIND,
+    MIRROR,
+    NONE,
+    REFLECT,
+    SIN,
+    SOIL,
+    TABLE,
+    TRANSMIT,
+    WEIGHT_SCALE,
+)
+from analysis.simulate.kernels.jit import jit
+
+_GAMMA: Final = np.uint64(0x9E3779B97F4A7C15)
+_MIX1: Final = np.uint64(0xBF58476D1CE4E5B9)
+_MIX2: Final = np.uint64(0x94D049BB133111EB)
+_EVENT: Final = np.uint64(0xD1342543DE82EF95)
+_S30: Final = np.uint64(30)
+_S27: Final = np.uint64(27)
+_S31: Final = np.uint64(31)
+_S11: Final = np.uint64(11)
+_UNIT: Final = 1.0 / 9007199254740992.0
+
+
+@jit
+def mix(z):  # type: ignore[no-untyped-def]
+    """Scramble 64 bits (splitmix64; Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195)."""
+    z = (z ^ (z >> _S30)) * _MIX1
+    z = (z ^ (z >> _S27)) * _MIX2
+    return z ^ (z >> _S31)
+
+
+@jit
+def stream(key, event):  # type: ignore[no-untyped-def]
+    """Start of the random numbers of one event of the ray with this key."""
+    return mix(key + np.uint64(event) * _EVENT)
+
+
+@jit
+def uniform(state):  # type: ignore[no-untyped-def]
+    """The next number in [0, 1) and the state after it."""
+    state = state + _GAMMA
+    return float(mix(state) >> _S11) * _UNIT, state
+
+
+@jit
+def arctan_unit(x):  # type: ignore[no-untyped-def]
+    """Arc tangent for -1 <= x <= 1; odd polynomial fitted on Chebyshev nodes, error below 2e-6."""
+    s = x * x
+    q = s * s
+    low = 0.999977219 - 0.332622827 * s
+    middle = 0.193540371 - 0.11642647 * s
+    high = 0.0526473392 - 0.0117191312 * s
+    return x * (low + q * (middle + q * high))
+
+
+@jit
+def square_of(x, y, z):  # type: ignore[no-untyped-def]
+    """Place (u, v) in [-1, 1]² of a direction of the hemisphere z >= 0; equal solid angles on equal areas.
+
+    Shirley & Chiu 1997, doi:10.1080/10867651.1997.10487479, with the disc's radius squared = 1 - z.
+    """
+    rho = math.sqrt(max(0.0, 1.0 - z))
+    ax, ay = abs(x), abs(y)
+    first = ax >= ay
+    big = ax if first else ay
+    small = ay if first else ax
+    part = rho * (4.0 / math.pi) * arctan_unit(small / max(big, 1e-300))
+    return math.copysign(rho if first else part, x), math.copysign(part if first else rho, y)
+
+
+@jit
+def hemisphere_of(u, v):  # type: ignore[no-untyped-def]
+    """Direction (x, y, z >= 0) at a place of the square [-1, 1]²; the inverse of `square_of`."""
+    if abs(u) >= abs(v):
+        rho = abs(u)
+        phi = 0.25 * math.pi * v / rho if rho > 0.0 else 0.0
+        c, s = math.cos(phi), math.sin(phi)
+        c = math.copysign(c, u)
+    else:
+        rho = abs(v)
+        phi = 0.25 * math.pi * u / rho
+        s, c = math.cos(phi), math.sin(phi)
+        s = math.copysign(s, v)
+    sine = rho * math.sqrt(max(0.0, 2.0 - rho * rho))
+    return c * sine, s * sine, 1.0 - rho * rho
+
+
+@jit
+def slab(cosine, index, depth):  # type: ignore[no-untyped-def]
+    """Transmittance and reflectance of a clear slab for unpolarised light, inter-reflections summed.
+
+    Fresnel's equations for each polarisation, then the geometric series; ``depth`` is absorption coefficient times
+    thickness. E.g. Born & Wolf, Principles of Optics, 7th ed., 1.5.2; Duffie & Beckman, 4th ed., eq. 5.3.1 to 5.3.3.
+    """
+    inside = math.sqrt(1.0 - (1.0 - cosine * cosine) / (index * index))
+    rs = (cosine - index * inside) / (cosine + index * inside)
+    rp = (index * cosine - inside) / (index * cosine + inside)
+    rs *= rs
+    rp *= rp
+    tau = math.exp(-depth / inside)
+    gs = (1.0 - rs) * (1.0 - rs) * tau / (1.0 - rs * rs * tau * tau + 1e-300)
+    gp = (1.0 - rp) * (1.0 - rp) * tau / (1.0 - rp * rp * tau * tau + 1e-300)
+    return 0.5 * (gs + gp), 0.5 * (rs + rp + (rs * gs + rp * gp) * tau)
+
+
+@jit
+def lens_node(lx, ly, cosine, half, r1, r2):  # type: ignore[no-untyped-def]
+    """Table row for a direction of incidence, one of the four around it at random (linear interpolation in the mean).
+
+    The pattern has the symmetry of a square, so the direction is folded into an eighth of the hemisphere. Returns the
+    row, whether x and y of the row are exchanged, and their signs.
+    """
+    u, v = square_of(lx, ly, cosine)
+    sx = math.copysign(1.0, u)
+    sy = math.copysign(1.0, v)
+    i = min(int(abs(u) * half + r1), half)
+    j = min(int(abs(v) * half + r2), half)
+    swap = j > i
+    if swap:
+        i, j = j, i
+    return i * (i + 1) // 2 + j, swap, sx, sy
+
+
+@jit
+def lens_sample(table, nodes, row, k, swap, sx, sy, lx, ly):  # type: ignore[no-untyped-def]
+    """Outgoing tangential cosines, whether the light passes, and its weight, from one entry of a table.
+
+    The entry is a difference to the light's own direction; where that leads beyond grazing, the direction that the
+    entry was traced with is taken instead.
+    """
+    a = table[row, k, 0] * DELTA_SCALE
+    b = table[row, k, 1] * DELTA_SCALE
+    w = table[row, k, 2] * WEIGHT_SCALE
+    if swap:
+        a, b = b, a
+    ox = lx + sx * a
+    oy = ly + sy * b
+    if ox * ox + oy * oy > 0.9999:
+        p, q = nodes[row, 0], nodes[row, 1]
+        if swap:
+            p, q = q, p
+        ox = sx * (a + p)
+        oy = sy * (b + q)
+        far = ox * ox + oy * oy
+        if far > 0.9999:
+            shrink = math.sqrt(0.9999 / far)
+            ox *= shrink
+            oy *= shrink
+    return ox, oy, w > 0.0, abs(w)
+
+
+@jit
+def cosine_lobe(state):  # type: ignore[no-untyped-def]
+    """Tangential cosines of a Lambertian direction: uniform on the unit disc (Nusselt)."""
+    a, state = uniform(state)
+    b, state = uniform(state)
+    r = math.sqrt(a) * 0.999995
+    return r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b), state
+
+
+@jit
+def to_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Tangential cosines in the frame of the lens pattern, turned by (c, s)."""
+    if lens[MIRROR] != 0.0:
+        x = -x
+    return c * x + s * y, c * y - s * x
+
+
+@jit
+def from_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Back from the frame of the pattern."""
+    a, b = c * x - s * y, s * x + c * y
+    if lens[MIRROR] != 0.0:
+        a = -a
+    return a, b
+
+
+@jit
+def lens_turn(lens, state):  # type: ignore[no-untyped-def]
+    """Cosine and sine of the pattern's turn for this hit (at random for an isotropic lens)."""
+    c = lens[COS]
+    s = lens[SIN]
+    if lens[ISOTROPIC] != 0.0:
+        a, state = uniform(state)
+        c = math.cos(2.0 * math.pi * a)
+        s = math.sin(2.0 * math.pi * a)
+    return c, s, state
+
+
+@jit
+def lens_plain(lens, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
+    """What a lens without a table does: nothing, a clear slab, or a diffuser."""
+    kind = lens[KIND]
+    if kind == NONE:
+        return lx, ly, True, 1.0, state
+    a, state = uniform(state)
+    if kind == CLEAR:
+        t, r = slab(cosine, lens[INDEX], lens[DEPTH])
+        return lx, ly, a * (t + r) < t, t + r, state
+    t = lens[TRANSMIT]
+    r = lens[REFLECT]
+    ox, oy, state = cosine_lobe(state)
+    return ox, oy, a * (t + r) < t, t + r, state
+
+
+@jit
+def dirt(lens, cosine):  # type: ignore[no-untyped-def]
+    """Transmittance of the dirt on a lens's upper face for light at this cosine to its normal (Beer and Lambert)."""
+    if lens[SOIL] == 0.0:
+        return 1.0
+    return math.exp(-lens[SOIL] / max(cosine, 1e-3))
+
+
+@jit
+def lens_finish(lens, from_above, cosine, ox, oy, through, w, state):  # type: ignore[no-untyped-def]
+    """Haze (transmitted light becomes a cosine lobe) and dirt on the upper face (weighs, never turns)."""
+    if through and lens[HAZE] > 0.0:
+        a, state = uniform(state)
+        hx, hy, state = cosine_lobe(state)
+        if a < lens[HAZE]:
+            ox, oy = hx, hy
+    if through:
+        w *= dirt(lens, cosine if from_above else math.sqrt(max(1e-6, 1.0 - ox * ox - oy * oy)))
+    return ox, oy, w, state
+
+
+@jit
+def lens_row(lens, half, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
+    """Where a table is read for light of these direction cosines.
+
+    Returns the cosines in the pattern's frame, the row with its exchange and signs, the pattern's turn, and the state.
+    """
+    c, s, state = lens_turn(lens, state)
+    px, py = to_pattern(lens, lx, ly, c, s)
+    r1, state = uniform(state)
+    r2, state = uniform(state)
+    row, swap, sx, sy = lens_node(px, py, cosine, half, r1, r2)
+    return px, py, row, swap, sx, sy, c, s, state
+
+
+@jit
+def lens_hit(lens, table, nodes, half, from_above, lx, ly, cosine, pick, state):  # type: ignore[no-untyped-def]
+    """One pass of a lens.
+
+    ``lx, ly, cosine``: tangential and normal direction cosines of the light (cosine > 0, towards the sheet);
+    ``pick`` in [0, 1) chooses the entry of the table. Returns outgoing tangential cosines, whether the light passes, its
+    weight (what is missing to 1 is absorbed), and the random state.
+    """
+    if lens[KIND] != TABLE:
+        ox, oy, through, w, state = lens_plain(lens, lx, ly, cosine, state)
+    else:
+        px, py, row, swap, sx, sy, c, s, state = lens_row(lens, half, lx, ly, cosine, state)
+        qx, qy, through, w = lens_sample(table, nodes, row, int(pick * table.shape[1]), swap, sx, sy, px, py)
+        ox, oy = from_pattern(lens, qx, qy, c, s)
+    ox, oy, w, state = lens_finish(lens, from_above, cosine, ox, oy, through, w, state)
+    return ox, oy, through, w, state

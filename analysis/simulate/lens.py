@@ -1,0 +1,185 @@
+"""Scatter tables of prismatic sheets: made once per lens, then one memory access per pass.
+
+For directions of incidence on a grid over the hemisphere (Shirley & Chiu's square, equal solid angles) a table keeps
+many traced outgoing directions as *differences of direction cosines*. A clear sheet is exact in such a table
+(all differences are 0), and peaks keep their width, because a ray adds the difference to its own direction. A sheet with
+the symmetry of a square needs an eighth of the grid; the tracer folds a direction into it.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulate.store import kept
+from analysis.simulate.system import Lens
+
+Floats = NDArray[np.float64]
+Table = NDArray[np.int16]
+Sampler = Callable[[Lens, bool, Floats, int, np.random.Generator], tuple[Floats, Floats]]
+
+HALF: Final = 48
+"""Grid steps from the middle of the square to its edge; a step is about 1.7 degrees."""
+
+SAMPLES: Final = 4096
+"""Outgoing directions kept per direction of incidence."""
+
+DELTA_UNITS: Final = 16000.0
+WEIGHT_UNITS: Final = 32000.0
+
+_OPTICAL: Final = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm", "slope_deg", "blur_deg")
+_VERSION: Final = 1
+
+
+@dataclass(frozen=True)
+class LensTables:
+    """Scatter of a sheet for light that meets its flat face and for light that meets its prisms.
+
+    Attributes
+    ----------
+    flat, prisms : shape (directions, samples, 3), int16
+        Differences of the two tangential direction cosines (in 1/16000) and weight (in 1/32000; negative: reflected).
+    half
+        Steps of the grid from middle to edge.
+    """
+
+    flat: Table
+    prisms: Table
+    half: int
+
+
+def nodes(half: int) -> Floats:
+    """Directions of incidence (N, 3), pointing down (z < 0), in the order of the table's rows.
+
+    Row i (i + 1) / 2 + j is place u = i / half, v = j / half (0 <= v <= u) of the folded square. Grazing incidence, where
+    nothing would pass and differences are undefined, is taken at 89.4 degrees.
+    """
+    i, j = np.tril_indices(half + 1)
+    rho = i / half
+    phi = 0.25 * math.pi * np.divide(j, i, out=np.zeros(len(i)), where=i > 0)
+    cosine = np.maximum(1.0 - rho**2, 0.01)
+    sine = np.sqrt(1.0 - cosine**2)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), -cosine], axis=-1)
+
+
+def traced_samples(
+    lens: Lens, from_prisms: bool, directions: Floats, per_direction: int, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Trace the sheet's micro-geometry: outgoing directions (N, M, 3) and weights (N, M)."""
+    from analysis.bsdf.prism import PrismSheet, scatter_samples
+
+    sheet = PrismSheet(
+        index=lens.refractive_index,
+        thickness_mm=lens.thickness_mm,
+        pitch_mm=lens.pitch_mm,
+        slope_deg=lens.slope_deg,
+        slope_error_deg=lens.blur_deg,
+        absorption_per_mm=lens.absorption_per_mm,
+    )
+    return scatter_samples(sheet, "prism" if from_prisms else "flat", directions, per_direction, rng)
+
+
+def tables(lens: Lens, samples: int = SAMPLES, half: int = HALF, sampler: Sampler | None = None) -> LensTables:
+    """The scatter tables of a prismatic sheet; from memory, from disk, or traced now (some seconds, once).
+
+    Only the sheet's optics count: orientation, mirroring, isotropy, haze and soiling belong to the tracer.
+    """
+    optics = dataclasses.replace(Lens(), **{name: getattr(lens, name) for name in _OPTICAL})
+    return _tables(optics, samples, half, sampler or traced_samples)
+
+
+@functools.lru_cache(maxsize=16)
+def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables:
+    recipe: dict[str, Any] = {name: getattr(lens, name) for name in _OPTICAL}
+    recipe |= {
+        "samples": samples,
+        "half": half,
+        "version": _VERSION,
+        "sampler": f"{sampler.__module__}.{sampler.__qualname__}",
+    }
+
+    def make() -> dict[str, NDArray[Any]]:
+        return {
+            "flat": _one_side(lens, False, samples, half, sampler),
+            "prisms": _one_side(lens, True, samples, half, sampler),
+        }
+
+    stored = kept("lenses", recipe, make)
+    return LensTables(stored["flat"], stored["prisms"], half)
+
+
+def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None) -> Table:
+    """Scatter of a lens for light of a few directions, shape (n, samples, 3); turned, mirrored, or isotropic as it is.
+
+    ``spots`` (n, 3): directions of travel in the sheet's frame, z up; rows with z >= 0 meet no light and are skipped.
+    """
+    rng = np.random.default_rng([_VERSION, 7, samples])
+    table = np.full((len(spots), samples, 3), -1, dtype=np.int16)
+    turn = math.radians(lens.orientation_deg)
+    flip = np.array([-1.0 if lens.mirrored else 1.0, 1.0, 1.0])
+    from_prisms = lens.prisms == "up"
+    z = np.array([1.0, 1.0, -1.0 if from_prisms else 1.0])
+    for row, spot in enumerate(spots):
+        if spot[2] >= 0.0:
+            continue
+        angle = 2.0 * math.pi * (np.arange(samples) + 0.5) / samples if lens.isotropic else np.array([turn])
+        sent = _turned(np.broadcast_to(spot * flip, (len(angle), 3)), -angle) * z
+        per = 1 if lens.isotropic else samples
+        out, weight = (sampler or traced_samples)(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
+        back = _turned(out.reshape(samples, 3) * z, angle) * flip
+        order = rng.permutation(samples)
+        table[row] = _packed(back, spot, weight.reshape(samples))[order]
+    return table
+
+
+@functools.lru_cache(maxsize=1)
+def half_lobe(samples: int = 1 << 14) -> Table:
+    """The lower half (y <= 0) of a Lambertian lobe: points uniform on half a disc (Nusselt), as a table of one row.
+
+    Consecutive points are evenly spread (additive recurrence with powers of the plastic number, Roberts 2018).
+    """
+    plastic = 1.32471795724474602596
+    k = np.arange(samples)
+    radius = np.sqrt((0.5 + k / plastic) % 1.0) * 0.99999
+    angle = math.pi * ((0.5 + k / plastic**2) % 1.0)
+    x, y = radius * np.cos(angle), -radius * np.sin(angle)
+    return np.stack([np.rint(x * DELTA_UNITS), np.rint(y * DELTA_UNITS), np.full(samples, WEIGHT_UNITS)], axis=1)[
+        None
+    ].astype(np.int16)
+
+
+def _turned(vectors: Floats, angle: Floats) -> Floats:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack(
+        [c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1], vectors[:, 2]], axis=1
+    )
+
+
+def _packed(out: Floats, sent: Floats, weight: Floats) -> Table:
+    """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected."""
+    entries = np.empty(out.shape, dtype=np.int16)
+    through = (out[..., 2] * sent[..., 2] > 0.0) & (weight > 0.0)
+    difference = (out[..., :2] - sent[..., :2]) * DELTA_UNITS
+    entries[..., :2] = np.rint(np.clip(difference, -32767, 32767))
+    # weight 0 (absorbed) is kept as the smallest reflected weight: nothing passes
+    units = np.maximum(1.0, np.rint(weight * WEIGHT_UNITS))
+    entries[..., 2] = np.where(through, units, -units)
+    return entries
+
+
+def _one_side(lens: Lens, from_prisms: bool, samples: int, half: int, sampler: Sampler) -> Table:
+    rng = np.random.default_rng([_VERSION, int(from_prisms), samples])
+    down = nodes(half)
+    sent = np.ascontiguousarray(down * np.array([1.0, 1.0, -1.0])) if from_prisms else down
+    table = np.empty((len(down), samples, 3), dtype=np.int16)
+    step = max(1, 400_000 // samples)
+    for first in range(0, len(down), step):
+        rows = slice(first, first + step)
+        out, weight = sampler(lens, from_prisms, sent[rows], samples, rng)
+        table[rows] = _packed(out, sent[rows, None, :], weight)
+    return table

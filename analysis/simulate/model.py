@@ -1,0 +1,144 @@
+"""A `System` as the arrays that the kernels read."""
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulate.kernels import arrays as k
+from analysis.simulate.lens import Sampler, Table, half_lobe, nodes, sun_table, tables
+from analysis.simulate.system import Lens, System, Wall
+
+Floats = NDArray[np.float64]
+
+_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING}
+
+
+def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.Skylight:
+    """A system's arrays; scatter tables are made or read where lenses need them."""
+    above, below, half = _lens_tables(system.entry, samples, sampler)
+    under, _, half2 = _lens_tables(system.exit, samples, sampler)
+    half = max(half, half2)
+    return k.Skylight(
+        geometry=_geometry(system),
+        facets=facets(system),
+        well=_wall(system.wall),
+        boot=_wall(system.boot),
+        entry=_lens(system.entry),
+        exit=_lens(system.exit),
+        above=above,
+        below=below,
+        under=under,
+        nodes=np.ascontiguousarray(nodes(half)[:, :2]),
+        half=half,
+        exact=False,
+        spots=np.zeros((1, 2)),
+        lobe=half_lobe(),
+    )
+
+
+def for_sun(
+    ready: k.Skylight, system: System, towards: Floats, samples: int, sampler: Sampler | None = None
+) -> k.Skylight:
+    """The same skylight with entry tables made for one sun: no interpolation between directions of incidence.
+
+    ``towards``: unit vector (3,) to the sun in the site's frame.
+    """
+    turn = math.radians(system.rotation_deg)
+    c, s = math.cos(turn), math.sin(turn)
+    travel = -np.array([c * towards[0] + s * towards[1], c * towards[1] - s * towards[0], towards[2]])
+    normals = ready.facets[:, :3] if ready.geometry[k.COVER] == k.PYRAMID else np.array([[0.0, 0.0, 1.0]])
+    spots = np.array([_on_facet(travel, normal) for normal in normals])
+    table = sun_table(system.entry, spots, samples, sampler)
+    return ready._replace(above=table, exact=True, spots=np.ascontiguousarray(spots[:, :2]))
+
+
+def cover_area_m2(system: System) -> float:
+    """Area of the cover's surface [m²]."""
+    row = _geometry(system)
+    if row[k.COVER] == k.PYRAMID:
+        return float(facets(system)[:, k.FACET_AREA].sum())
+    if row[k.COVER] == k.DOME:
+        return 2.0 * math.pi * row[k.CAP_RADIUS] * row[k.RISE]
+    return system.aperture_area_m2
+
+
+def facets(system: System) -> Floats:
+    """Outward normal, offset and area of the pyramid's facets east, north, west, south; zeros where there is none."""
+    rows = np.zeros((4, 5))
+    if system.aperture.shape == "disc" or system.rise_m == 0.0:
+        return rows
+    ax, ay = (side / 2 for side in system.aperture.size_m)
+    for f, (out, along) in enumerate(((ax, ay), (ay, ax), (ax, ay), (ay, ax))):
+        slant = math.hypot(out, system.rise_m)
+        sign = 1.0 if f < 2 else -1.0
+        rows[f, k.NX if f % 2 == 0 else k.NY] = sign * system.rise_m / slant
+        rows[f, k.NZ] = out / slant
+        rows[f, k.OFFSET] = (system.well_depth_m + system.rise_m) * out / slant
+        rows[f, k.FACET_AREA] = along * slant
+    return rows
+
+
+def _geometry(system: System) -> tuple[float, ...]:
+    row = [0.0] * 12
+    disc = system.aperture.shape == "disc"
+    radius = system.aperture.diameter_m / 2
+    row[k.SHAPE] = k.DISC if disc else k.RECTANGLE
+    row[k.AX], row[k.AY] = (radius, radius) if disc else (side / 2 for side in system.aperture.size_m)
+    row[k.HEIGHT] = system.well_depth_m
+    row[k.BOOT] = system.boot_height_m
+    row[k.RISE] = system.rise_m
+    row[k.AREA] = system.aperture_area_m2
+    if system.rise_m > 0.0:
+        row[k.COVER] = k.DOME if disc else k.PYRAMID
+        row[k.CAP_RADIUS] = (radius**2 + system.rise_m**2) / (2.0 * system.rise_m)
+        row[k.CAP_CENTRE] = system.well_depth_m + system.rise_m - row[k.CAP_RADIUS]
+    turn = math.radians(system.rotation_deg)
+    row[k.TURN_C], row[k.TURN_S] = math.cos(turn), math.sin(turn)
+    return tuple(float(value) for value in row)
+
+
+def _wall(wall: Wall) -> tuple[float, float, float]:
+    return wall.reflectance, wall.lambertian, math.radians(wall.scatter_deg)
+
+
+def _lens(lens: Lens) -> tuple[float, ...]:
+    turn = math.radians(lens.orientation_deg)
+    row = (
+        _KINDS[lens.kind],
+        math.cos(turn),
+        math.sin(turn),
+        lens.mirrored,
+        lens.isotropic,
+        lens.haze,
+        lens.soiling,
+        lens.refractive_index,
+        lens.absorption_per_mm * lens.thickness_mm,
+        lens.transmittance,
+        lens.reflectance,
+    )
+    return tuple(float(value) for value in row)
+
+
+@functools.lru_cache(maxsize=1)
+def _no_table() -> Table:
+    return np.zeros((1, 1, 3), dtype=np.int16)
+
+
+def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table, int]:
+    if lens.kind != "prismatic":
+        return _no_table(), _no_table(), 1
+    made = tables(lens, samples, sampler=sampler)
+    if lens.prisms == "down":
+        return made.flat, made.prisms, made.half
+    return made.prisms, made.flat, made.half
+
+
+def _on_facet(travel: Floats, normal: Floats) -> Any:
+    """Direction of travel in the sheet's frame, as the kernels build it from the normal; z < 0 where light falls on it."""
+    x = np.array([1.0, 0.0, 0.0])
+    east = x - normal[0] * normal
+    east /= np.linalg.norm(east)
+    return np.array([travel @ east, travel @ np.cross(normal, east), travel @ normal])

@@ -1,0 +1,52 @@
+"""Where made-once results are kept: lens tables, matrices, compiled kernels.
+
+``$XDG_CACHE_HOME/labdaq``, or ``~/.cache/labdaq``. Names are content hashes, so nothing in it can be out of date; the
+whole folder may be deleted at any time.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def cache_folder(kind: str) -> Path:
+    """The folder for one kind of result; it may not exist yet."""
+    home = os.environ.get("XDG_CACHE_HOME", "")
+    base = Path(home) if Path(home).is_absolute() else Path.home() / ".cache"
+    return base / "labdaq" / kind
+
+
+def content_key(recipe: Mapping[str, Any]) -> str:
+    """A name for what a recipe (JSON values) makes."""
+    text = json.dumps(recipe, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def kept(kind: str, recipe: Mapping[str, Any], make: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Arrays made by ``make()``, or read from the cache where the same recipe was made before.
+
+    A cache that cannot be written or read costs time, never the result.
+    """
+    path = cache_folder(kind) / f"{content_key(recipe)}.npz"
+    try:
+        with np.load(path) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, EOFError, KeyError):
+        pass
+    arrays = make()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+        Path(name).replace(path)
+    except OSError:
+        pass
+    return arrays
