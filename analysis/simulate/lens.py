@@ -117,20 +117,26 @@ def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None =
     """Scatter of a lens for light of a few directions, shape (n, samples, 3); turned, mirrored, or isotropic as it is.
 
     ``spots`` (n, 3): directions of travel in the sheet's frame, z up; rows with z >= 0 meet no light and are skipped.
+    The last few tables are remembered.
     """
+    return _sun_table(lens, tuple(map(tuple, spots.tolist())), samples, sampler or traced_samples)
+
+
+@functools.lru_cache(maxsize=64)
+def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, sampler: Sampler) -> Table:
     rng = np.random.default_rng([_VERSION, 7, samples])
     table = np.full((len(spots), samples, 3), -1, dtype=np.int16)
     turn = math.radians(lens.orientation_deg)
     flip = np.array([-1.0 if lens.mirrored else 1.0, 1.0, 1.0])
     from_prisms = lens.prisms == "up"
     z = np.array([1.0, 1.0, -1.0 if from_prisms else 1.0])
-    for row, spot in enumerate(spots):
+    for row, spot in enumerate(np.array(spots)):
         if spot[2] >= 0.0:
             continue
         angle = 2.0 * math.pi * (np.arange(samples) + 0.5) / samples if lens.isotropic else np.array([turn])
         sent = _turned(np.broadcast_to(spot * flip, (len(angle), 3)), -angle) * z
         per = 1 if lens.isotropic else samples
-        out, weight = (sampler or traced_samples)(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
+        out, weight = sampler(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
         back = _turned(out.reshape(samples, 3) * z, angle) * flip
         order = rng.permutation(samples)
         table[row] = _packed(back, spot, weight.reshape(samples))[order]

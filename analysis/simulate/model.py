@@ -36,6 +36,8 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         exact=False,
         spots=np.zeros((1, 2)),
         lobe=half_lobe(),
+        block=0,
+        blocks=1,
     )
 
 

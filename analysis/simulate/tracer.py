@@ -51,6 +51,7 @@ class Settings:
         Entries per direction of the lens tables.
     sun_samples
         Entries of the tables made for each sun and facet; 0 uses the general tables for suns too.
+        About an eighth of the rays is enough.
     threads
         Cores to use; 0 means all there are.
     """
@@ -191,6 +192,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     total = len(rays) if given else math.ceil(use.rays / BATCHES)
     rounds = max(1, math.ceil(total / ROUND))
     count = math.ceil(total / rounds)
+    ready = ready._replace(block=b, blocks=BATCHES)
     steps = np.concatenate([[0.0], np.cumsum(source.probability)])
     sums: tuple[Any, Any] = (None, None)
     for r in range(rounds):

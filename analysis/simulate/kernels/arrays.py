@@ -43,6 +43,8 @@ class Skylight(NamedTuple):
         Then: tangential direction cosines of the sun's light on each facet.
     lobe : shape (1, samples, 3)
         The lower half of a cosine lobe in the form of a scatter table.
+    block, blocks
+        This batch reads only its own part of every row, so that the scatter between batches shows the tables' noise too.
     """
 
     geometry: Any
@@ -59,6 +61,8 @@ class Skylight(NamedTuple):
     exact: bool
     spots: Any
     lobe: Any
+    block: int
+    blocks: int
 
 
 class Light(NamedTuple):

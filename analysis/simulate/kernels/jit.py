@@ -28,14 +28,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER: Final = cache_folder("numba") / _digest()
 
 
-def _compiled(function: F, forceinline: bool) -> F:
+def _compiled(function: F, cache: bool, forceinline: bool) -> F:
     config = numba.config
     before = config.CACHE_DIR
     config.CACHE_DIR = str(_FOLDER)
     try:
-        compiled: F = numba.njit(
-            cache=not forceinline, nogil=True, fastmath=True, error_model="numpy", forceinline=forceinline
-        )(function)
+        compiled: F = numba.njit(cache=cache, nogil=True, fastmath=True, error_model="numpy", forceinline=forceinline)(
+            function
+        )
     finally:
         config.CACHE_DIR = before
     return compiled
@@ -43,12 +43,17 @@ def _compiled(function: F, forceinline: bool) -> F:
 
 def kernel(function: F) -> F:
     """Compile a function that Python calls: without the interpreter lock, cached on disk, arithmetic reordered."""
-    return _compiled(function, forceinline=False)
+    return _compiled(function, cache=True, forceinline=False)
+
+
+def part(function: F) -> F:
+    """Compile a large part of a kernel that is called, not copied."""
+    return _compiled(function, cache=False, forceinline=False)
 
 
 def jit(function: F) -> F:
-    """Compile a part of a kernel; it becomes code of its caller, because passing many arrays costs more than tracing."""
-    return _compiled(function, forceinline=True)
+    """Compile a part that becomes code of its caller: passing many arrays costs more than most parts themselves."""
+    return _compiled(function, cache=False, forceinline=True)
 
 
 @intrinsic

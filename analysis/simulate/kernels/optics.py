@@ -258,18 +258,27 @@ def lens_row(lens, half, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_hit(lens, table, nodes, half, from_above, lx, ly, cosine, pick, state):  # type: ignore[no-untyped-def]
+def entry_of(sky, table, count, pick):  # type: ignore[no-untyped-def]
+    """First of ``count`` consecutive entries in this batch's part of a row, chosen by a number in [0, 1)."""
+    size = table.shape[1] // sky.blocks
+    return sky.block * size + int(pick * (size - count + 1))
+
+
+@jit
+def lens_hit(sky, lens, table, from_above, lx, ly, cosine, pick, state):  # type: ignore[no-untyped-def]
     """One pass of a lens.
 
     ``lx, ly, cosine``: tangential and normal direction cosines of the light (cosine > 0, towards the sheet);
-    ``pick`` in [0, 1) chooses the entry of the table. Returns outgoing tangential cosines, whether the light passes, its
-    weight (what is missing to 1 is absorbed), and the random state.
+    ``pick`` in [0, 1) chooses the entry of the table. Returns outgoing tangential cosines, whether the light passes,
+    its weight (what is missing to 1 is absorbed), and the random state.
     """
     if lens[KIND] != TABLE:
         ox, oy, through, w, state = lens_plain(lens, lx, ly, cosine, state)
     else:
-        px, py, row, swap, sx, sy, c, s, state = lens_row(lens, half, lx, ly, cosine, state)
-        qx, qy, through, w = lens_sample(table, nodes, row, int(pick * table.shape[1]), swap, sx, sy, px, py)
+        px, py, row, swap, sx, sy, c, s, state = lens_row(lens, sky.half, lx, ly, cosine, state)
+        qx, qy, through, w = lens_sample(
+            table, sky.nodes, row, entry_of(sky, table, np.int64(1), pick), swap, sx, sy, px, py
+        )
         ox, oy = from_pattern(lens, qx, qy, c, s)
     ox, oy, w, state = lens_finish(lens, from_above, cosine, ox, oy, through, w, state)
     return ox, oy, through, w, state

@@ -40,11 +40,12 @@ from analysis.simulate.kernels.arrays import (
 from analysis.simulate.kernels.counting import score
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.geometry import bounce, land, mirror_box, mirror_cylinder, next_wall, under_cover
-from analysis.simulate.kernels.jit import borrowed, jit, kernel
+from analysis.simulate.kernels.jit import borrowed, jit, kernel, part
 from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, A6, even, from_sky, from_sun
 from analysis.simulate.kernels.optics import (
     cosine_lobe,
     dirt,
+    entry_of,
     from_pattern,
     lens_finish,
     lens_hit,
@@ -54,6 +55,13 @@ from analysis.simulate.kernels.optics import (
     stream,
     uniform,
 )
+
+# typed, because numba compiles a function again for every literal it is called with
+ZERO: Final = np.int64(0)
+ONE: Final = np.int64(1)
+TWO: Final = np.int64(2)
+YES: Final = np.bool_(True)
+NO: Final = np.bool_(False)
 
 MAX_EVENTS: Final = 200_000
 LOW: Final = 0.05
@@ -77,7 +85,7 @@ def through_cover(sky, from_above, dx, dy, dz, nx, ny, nz, pick, state):  # type
     ly = dx * fx + dy * fy + dz * fz
     cosine = abs(dx * nx + dy * ny + dz * nz)
     table = sky.above if from_above else sky.below
-    ox, oy, through, w, state = lens_hit(sky.entry, table, sky.nodes, sky.half, from_above, lx, ly, cosine, pick, state)
+    ox, oy, through, w, state = lens_hit(sky, sky.entry, table, from_above, lx, ly, cosine, pick, state)
     oz = math.sqrt(max(1e-12, 1.0 - ox * ox - oy * oy))
     if through == from_above:  # goes on, or turns back, inwards
         oz = -oz
@@ -93,7 +101,7 @@ def haze_direct(sky, counts, light, source, value, x, y, z, ex, ey, ez, fx, fy, 
         counts.fan_a[k], counts.fan_b[k], state = cosine_lobe(state)
         counts.fan_w[k] = 1.0
     share = value * counts.split / few
-    score_fan(counts, light, sky.geometry, source, 0, 0, share, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
+    score_fan(counts, light, sky.geometry, source, ZERO, ZERO, share, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
     return state
 
 
@@ -114,12 +122,12 @@ def enter(sky, counts, light, source, facet, area, x, y, z, dx, dy, dz, nx, ny, 
         px, py, row, swap, sx, sy, c, s, state = lens_row(lens, sky.half, px, py, cosine, state)
         mirrored = lens[MIRROR] != 0.0
     nodes = sky.spots if facet >= 0 else sky.nodes
-    k0 = int(pick * (sky.above.shape[1] - counts.split + 1))
+    k0 = entry_of(sky, sky.above, counts.split, pick)
     qx, qy, through, w = lens_sample(sky.above, nodes, row, k0, swap, sx, sy, px, py)
     ox, oy = c * qx - s * qy, s * qx + c * qy
     if mirrored:
         ox = -ox
-    ox, oy, w, state = lens_finish(lens, True, cosine, ox, oy, through, w, state)
+    ox, oy, w, state = lens_finish(lens, YES, cosine, ox, oy, through, w, state)
     if sky.exit[KIND] == NONE:
         read_fan(counts, sky.above, row, k0, swap, sx, sy)
         passed = 0.0
@@ -131,7 +139,7 @@ def enter(sky, counts, light, source, facet, area, x, y, z, dx, dy, dz, nx, ny, 
         turn_fan(counts, px, py, sx, sy, p, q, c, s, mirrored)
         value = area * dirt(lens, cosine)
         clear = value * (1.0 - lens[HAZE])
-        score_fan(counts, light, sky.geometry, source, 0, 0, clear, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
+        score_fan(counts, light, sky.geometry, source, ZERO, ZERO, clear, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
         if lens[HAZE] > 0.0:
             value *= lens[HAZE] * passed / counts.split
             state = haze_direct(sky, counts, light, source, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz, state)
@@ -165,11 +173,11 @@ def roulette(w, balance, unit, state):  # type: ignore[no-untyped-def]
     return 0.0, state
 
 
-@jit
+@part
 def exit_plain(sky, counts, light, source, m, n, value, x, y, dx, dy, dz, state):  # type: ignore[no-untyped-def]
     """One sample of an exit lens of any kind, scored with its weight; what it did, and the state."""
     pick, state = uniform(state)
-    ox, oy, through, w, state = lens_hit(sky.exit, sky.under, sky.nodes, sky.half, True, dx, dy, -dz, pick, state)
+    ox, oy, through, w, state = lens_hit(sky, sky.exit, sky.under, YES, dx, dy, -dz, pick, state)
     if through:
         oz = -math.sqrt(max(1e-12, 1.0 - ox * ox - oy * oy))
         score(counts, light, sky.geometry, source, m, n, value * w, x, y, ox, oy, oz)
@@ -185,7 +193,7 @@ def exit_fan(sky, counts, light, source, m, n, value, x, y, dx, dy, dz, state): 
     lens = sky.exit
     pick, state = uniform(state)
     px, py, row, swap, sx, sy, c, s, state = lens_row(lens, sky.half, dx, dy, -dz, state)
-    k0 = int(pick * (sky.under.shape[1] - counts.split + 1))
+    k0 = entry_of(sky, sky.under, counts.split, pick)
     qx, qy, through, w = lens_sample(sky.under, sky.nodes, row, k0, swap, sx, sy, px, py)
     ox, oy = from_pattern(lens, qx, qy, c, s)
     value *= dirt(lens, -dz)
@@ -221,7 +229,7 @@ def glow(sky, counts, light, source, m, n, value, x, y, z, nx, ny, state):  # ty
     geo = sky.geometry
     if sky.exit[KIND] == NONE:
         pick, state = uniform(state)
-        read_fan(counts, sky.lobe, 0, int(pick * (sky.lobe.shape[1] - counts.split + 1)), False, 1.0, 1.0)
+        read_fan(counts, sky.lobe, ZERO, int(pick * (sky.lobe.shape[1] - counts.split + 1)), NO, 1.0, 1.0)
         score_fan(counts, light, geo, source, m, n, 0.5 * value, x, y, z, -ny, nx, 0.0, 0.0, 0.0, 1.0, -nx, -ny, 0.0)
         return state
     for _ in range(counts.glow):
@@ -279,12 +287,12 @@ def rough_well(
 
 
 @jit
-def down_and_up(sky, counts, light, source, part, x, y, z, dx, dy, dz, w, area, m, n, unit, seen, state):  # type: ignore[no-untyped-def]
-    """Cross one part of the well (1 well, 2 boot); w = 0 when the light died."""
+def down_and_up(sky, counts, light, source, zone, x, y, z, dx, dy, dz, w, area, m, n, unit, seen, state):  # type: ignore[no-untyped-def]
+    """Cross one zone (1 well, 2 boot); w = 0 when the light died."""
     geo, balance = sky.geometry, counts.balance
     bottom = geo[BOOT]
     low, high, wall = bottom, geo[HEIGHT], sky.well
-    if part == 2:
+    if zone == 2:
         low, high, wall = 0.0, bottom, sky.boot
     if wall[LAMBERT] > 0.0 or wall[SPREAD] > 0.0:
         x, y, z, dx, dy, dz, w, m, n, seen, state = rough_well(
@@ -293,7 +301,7 @@ def down_and_up(sky, counts, light, source, part, x, y, z, dx, dy, dz, w, area, 
             light,
             source,
             wall,
-            part == 2,
+            zone == 2,
             low,
             high,
             x,
@@ -325,7 +333,7 @@ def down_and_up(sky, counts, light, source, part, x, y, z, dx, dy, dz, w, area, 
         balance[WALL] += w * (1.0 - v) * unit
         w *= v
         seen = False
-    if part == 2:
+    if zone == 2:
         m += count
     else:
         n += count
@@ -336,19 +344,19 @@ def down_and_up(sky, counts, light, source, part, x, y, z, dx, dy, dz, w, area, 
 def follow(sky, counts, light, source, key, area, unit, x, y, z, dx, dy, dz, w, seen):  # type: ignore[no-untyped-def]
     """Follow one ray from inside the cover until it is out, back in the sky, absorbed, or cut."""
     balance = counts.balance
-    n, m, event = 0, 0, 2  # bounces on the wall, on the boot
-    part = 0  # 0 under the cover, 1 well, 2 boot
+    n, m, event = ZERO, ZERO, TWO  # bounces on the wall, on the boot
+    zone = ZERO  # 0 under the cover, 1 well, 2 boot
     has_boot = sky.geometry[BOOT] > 0.0
     while event < MAX_EVENTS:
         state = stream(key, event)
         event += 1
-        if part == 0:
+        if zone == 0:
             met, x, y, z, nx, ny, nz = under_cover(sky.geometry, sky.facets, x, y, z, dx, dy, dz)
             if not met:
-                part = 1
+                zone = 1
                 continue
             pick, state = uniform(state)
-            dx, dy, dz, through, v, state = through_cover(sky, False, dx, dy, dz, nx, ny, nz, pick, state)
+            dx, dy, dz, through, v, state = through_cover(sky, NO, dx, dy, dz, nx, ny, nz, pick, state)
             balance[LENS] += w * (1.0 - v) * unit
             w *= v
             seen = False
@@ -357,14 +365,14 @@ def follow(sky, counts, light, source, key, area, unit, x, y, z, dx, dy, dz, w, 
                 return
         else:
             x, y, z, dx, dy, dz, w, m, n, seen, state = down_and_up(
-                sky, counts, light, source, part, x, y, z, dx, dy, dz, w, area, m, n, unit, seen, state
+                sky, counts, light, source, zone, x, y, z, dx, dy, dz, w, area, m, n, unit, seen, state
             )
             if w == 0.0:
                 return
             if dz > 0.0:
-                part -= 1
-            elif part == 1 and has_boot:
-                part = 2
+                zone -= 1
+            elif zone == 1 and has_boot:
+                zone = 2
             else:
                 if seen or sky.exit[KIND] != TABLE:
                     value = 0.0 if seen else w * area
@@ -394,7 +402,7 @@ def trace(sky, counts, light, seed, count):  # type: ignore[no-untyped-def]
     """Trace ``count`` rays of one batch."""
     sky = Skylight(
         sky.geometry, borrowed(sky.facets), sky.well, sky.boot, sky.entry, sky.exit, borrowed(sky.above),
-        borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), sky.half, sky.exact, borrowed(sky.spots), borrowed(sky.lobe),
+        borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), sky.half, sky.exact, borrowed(sky.spots), borrowed(sky.lobe), sky.block, sky.blocks,
     )  # fmt: skip
     counts = Counts(
         borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes, counts.sharp_classes,
@@ -408,7 +416,7 @@ def trace(sky, counts, light, seed, count):  # type: ignore[no-untyped-def]
     )  # fmt: skip
     geo, balance = sky.geometry, counts.balance
     base = mix(seed)
-    state = stream(base, 0)
+    state = stream(base, ZERO)
     shift, state = uniform(state)
     s1, state = uniform(state)
     s2, state = uniform(state)
@@ -419,7 +427,7 @@ def trace(sky, counts, light, seed, count):  # type: ignore[no-untyped-def]
     source = 0
     for i in range(count):
         key = mix(base + np.uint64(i) * np.uint64(0x9E3779B97F4A7C15))
-        state = stream(key, 1)
+        state = stream(key, ONE)
         facet = -1
         if light.mode == GIVEN:
             x, y, z = light.rays[i, 0], light.rays[i, 1], light.rays[i, 2]
@@ -455,7 +463,7 @@ def trace(sky, counts, light, seed, count):  # type: ignore[no-untyped-def]
                 sky, counts, light, source, facet, area, x, y, z, dx, dy, dz, nx, ny, nz, pick, state
             )
         else:
-            dx, dy, dz, through, w, state = through_cover(sky, True, dx, dy, dz, nx, ny, nz, pick, state)
+            dx, dy, dz, through, w, state = through_cover(sky, YES, dx, dy, dz, nx, ny, nz, pick, state)
         balance[LENS] += (1.0 - w) * unit
         if through:
             seen = prismatic and sky.exit[KIND] == NONE
