@@ -30,12 +30,21 @@ AGREE: Final = 1.0
 """Two neighbourhoods agree when they differ by less than this many standard uncertainties of the narrower."""
 
 
-@dataclass(frozen=True)
-class Smoother:
-    """Sparse operators (directions x cells) from lumens to candela, narrow first, and the shape of the directions."""
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """Sparse matrices (directions x cells): lumens to candela, its squares, and some of its rows."""
 
-    sharp: tuple[Any, ...]
-    soft: tuple[Any, ...]
+    weights: Any
+    squares: Any
+    probe: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Smoother:
+    """Operators for sharp and soft light, narrow first, and the shape of the directions."""
+
+    sharp: tuple[Operator, ...]
+    soft: tuple[Operator, ...]
     shape: tuple[int, ...]
 
 
@@ -53,7 +62,7 @@ def smoother(
     gamma, c = np.broadcast_arrays(np.asarray(gamma_deg, dtype=np.float64), np.asarray(c_deg, dtype=np.float64))
     where = (tuple(np.ravel(gamma)), tuple(np.ravel(c)))
 
-    def operators(side: int, radii: tuple[float, ...]) -> tuple[Any, ...]:
+    def operators(side: int, radii: tuple[float, ...]) -> tuple[Operator, ...]:
         least = 2.6 * math.degrees(math.sqrt(2.0 * math.pi)) / side
         wide = [radius for radius in radii if radius >= least] or [least]
         return tuple(_operator(*where, side, radius) for radius in wide)
@@ -61,34 +70,42 @@ def smoother(
     return Smoother(operators(sides[0], sharp_deg), operators(sides[1], soft_deg), gamma.shape)
 
 
-def smooth(lumens: Floats, operators: tuple[Any, ...]) -> tuple[Floats, Floats]:
+def smooth(lumens: Floats, operators: tuple[Operator, ...]) -> tuple[Floats, Floats]:
     """Candela and standard uncertainty (directions, T) from lumens (batches, cells, T)."""
-    batches = len(lumens)
     mean = lumens.mean(axis=0)
-    best: tuple[Floats, Floats] | None = None
+    best: tuple[Any, Any] | None = None
     low: Any = None
     high: Any = None
-    open_: Any = None
+    agreed: Any = None
     for operator in operators:
-        by_batch = np.stack([operator @ batch for batch in lumens])
-        value = by_batch.mean(axis=0)
-        scatter = by_batch.var(axis=0, ddof=1) / batches
-        # eight batches give a rough variance; counts give its shape, all directions together its size
-        shape = operator.power(2) @ mean
-        scale = scatter.sum(axis=0) / np.maximum(shape.sum(axis=0), 1e-300)
-        error = np.sqrt(np.maximum(shape, 0.0) * scale)
+        value = operator.weights @ mean
+        error = np.sqrt(np.maximum(operator.squares @ mean, 0.0) * _size(lumens, operator))
         if best is None:
-            best, low, high, open_ = (value, error), value - AGREE * error, value + AGREE * error, value == value
+            best, low, high = (value, error), value - AGREE * error, value + AGREE * error
+            agreed = np.ones(value.shape, dtype=bool)
             continue
         low, high = np.maximum(low, value - AGREE * error), np.minimum(high, value + AGREE * error)
-        open_ = open_ & (low <= high)
-        best = np.where(open_, value, best[0]), np.where(open_, error, best[1])
+        agreed = agreed & (low <= high)
+        best = np.where(agreed, value, best[0]), np.where(agreed, error, best[1])
     assert best is not None
     return best
 
 
+def _size(lumens: Floats, operator: Operator) -> Floats:
+    """Variance per counted lumen, shape (T,).
+
+    Eight batches give but a rough variance for one direction; the counts give its shape, some directions together its
+    size.
+    """
+    by_batch = np.stack([operator.probe @ batch for batch in lumens])
+    scatter = by_batch.var(axis=0, ddof=1).sum(axis=0) / len(lumens)
+    shape = (operator.probe.power(2) @ lumens.mean(axis=0)).sum(axis=0)
+    size: Floats = scatter / np.maximum(shape, 1e-300)
+    return size
+
+
 @functools.lru_cache(maxsize=16)
-def _operator(gammas: tuple[float, ...], cs: tuple[float, ...], side: int, radius_deg: float) -> Any:
+def _operator(gammas: tuple[float, ...], cs: tuple[float, ...], side: int, radius_deg: float) -> Operator:
     from scipy import sparse
     from scipy.spatial import cKDTree
 
@@ -100,7 +117,8 @@ def _operator(gammas: tuple[float, ...], cs: tuple[float, ...], side: int, radiu
     first = np.concatenate([[0], np.cumsum(counts)])
     columns = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
     values = _weights(here, middle, moments, counts, columns, reach) * side**2 / (2.0 * math.pi)
-    return sparse.csr_matrix((values, columns, first), shape=(len(here), side**2))
+    weights = sparse.csr_matrix((values, columns, first), shape=(len(here), side**2))
+    return Operator(weights, weights.power(2), weights[:: max(1, len(here) // 200)])
 
 
 @functools.lru_cache(maxsize=4)
