@@ -104,7 +104,7 @@ class Tally:
         sized so that next to nothing lies there (`overflow`). Raises `SimulationError` for a run with black walls.
         """
         classes = max(self.sharp.shape[1], self.soft.shape[1])
-        n = np.arange(max(self.sharp.shape[2], self.soft.shape[2]))
+        n = np.arange(self._bounces)
         weights = np.ones((classes, len(n)))
         if wall_reflectance is not None:
             before = self.system.wall.reflectance
@@ -158,6 +158,25 @@ class Tally:
         candela = np.maximum(sum(part[0] for part in parts), 0.0)
         variance = np.asarray(sum(part[1] ** 2 for part in parts))
         return Intensity(candela.T.reshape(shape), np.sqrt(variance).T.reshape(shape))
+
+    def by_bounce(self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far") -> Floats:
+        """Intensity [cd] by number of wall bounces, shape (bounces, T, ...); with the narrowest neighbourhoods but one."""
+        use = smoother(gamma_deg, c_deg, self.sides())
+        f = 1 if field == "near" else 0
+        total: Any = 0.0
+        for hits, operators in ((self.sharp, use.sharp), (self.soft, use.soft)):
+            lumens = hits[:, :, :, f].mean(axis=0).sum(axis=0)  # (bounces, cells, T)
+            flat = np.moveaxis(lumens, 1, 0).reshape(lumens.shape[1], -1)
+            values = (operators[min(1, len(operators) - 1)].weights @ flat).reshape(-1, len(lumens), lumens.shape[2])
+            part = np.moveaxis(values, 0, -1).reshape(len(lumens), lumens.shape[2], *use.shape)
+            if len(part) < self._bounces:
+                part = np.concatenate([part, np.zeros((self._bounces - len(part), *part.shape[1:]))])
+            total = total + part
+        return np.asarray(total)
+
+    @property
+    def _bounces(self) -> int:
+        return max(self.sharp.shape[2], self.soft.shape[2])
 
     def sides(self) -> tuple[int, int]:
         """Direction cells along the side of the sharp and of the soft square."""

@@ -45,15 +45,15 @@ def add(counts, light, source, gentle, cell, value):  # type: ignore[no-untyped-
 
 
 @jit
-def add_fan(counts, light, source, gentle, first, cells, share):  # type: ignore[no-untyped-def]
+def add_fan(counts, light, source, gentle, size, first, cells, share):  # type: ignore[no-untyped-def]
     """Add a fan of samples, each with its weight, to each member that the source's cell belongs to."""
     for t in range(light.span[source, 0], light.span[source, 1]):
         value = share * light.flux[source, t]
         if gentle:
-            for k in range(counts.split):
+            for k in range(size):
                 counts.soft[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
         else:
-            for k in range(counts.split):
+            for k in range(size):
                 counts.sharp[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
 
 

@@ -13,9 +13,9 @@ from analysis.simulate.kernels.optics import square_of
 
 
 @jit
-def read_fan(counts, table, row, k0, swap, sx, sy):  # type: ignore[no-untyped-def]
-    """Fetch differences and weights of consecutive entries."""
-    for k in range(counts.split):
+def read_fan(counts, size, table, row, k0, swap, sx, sy):  # type: ignore[no-untyped-def]
+    """Fetch differences and weights of ``size`` consecutive entries."""
+    for k in range(size):
         a = table[row, k0 + k, 0] * DELTA_SCALE
         b = table[row, k0 + k, 1] * DELTA_SCALE
         counts.fan_a[k] = sx * (b if swap else a)
@@ -24,10 +24,10 @@ def read_fan(counts, table, row, k0, swap, sx, sy):  # type: ignore[no-untyped-d
 
 
 @jit
-def turn_fan(counts, px, py, sx, sy, p, q, c, s, mirrored):  # type: ignore[no-untyped-def]
+def turn_fan(counts, size, px, py, sx, sy, p, q, c, s, mirrored):  # type: ignore[no-untyped-def]
     """Differences to tangential cosines of the sheet's frame: from light (px, py) traced at (p, q), turned by (c, s)."""
     flip = -1.0 if mirrored else 1.0
-    for k in range(counts.split):
+    for k in range(size):
         a, b = counts.fan_a[k], counts.fan_b[k]
         ox, oy = px + a, py + b
         beyond = ox * ox + oy * oy > 0.9999
@@ -41,7 +41,7 @@ def turn_fan(counts, px, py, sx, sy, p, q, c, s, mirrored):  # type: ignore[no-u
 
 
 @jit
-def aim_fan(counts, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def aim_fan(counts, size, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Cells of directions and places for samples that leave (x, y, z) downwards; weight 0 where they miss the aperture.
 
     The sheet's frame: e and f along it, n its outward normal.
@@ -50,7 +50,7 @@ def aim_fan(counts, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # 
     tc, ts = geo[TURN_C], geo[TURN_S]
     d = max(counts.distance, 1.0)
     rectangle = geo[SHAPE] == RECTANGLE
-    for k in range(counts.split):
+    for k in range(size):
         a, b = counts.fan_a[k], counts.fan_b[k]
         h = math.sqrt(max(1e-12, 1.0 - a * a - b * b))
         dx = a * ex + b * fx - h * nx
@@ -75,11 +75,11 @@ def aim_fan(counts, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # 
 
 
 @jit
-def score_fan(counts, light, geo, source, m, n, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def score_fan(counts, size, light, geo, source, m, n, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Count a fan that was read and turned; ``value`` is what all its samples together carry at weight 1."""
     gentle, side, far, near = slot(counts, m, n)
-    aim_fan(counts, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
-    share = value / counts.split
-    add_fan(counts, light, source, gentle, far, counts.fan_far, share)
+    aim_fan(counts, size, geo, side, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
+    share = value / size
+    add_fan(counts, light, source, gentle, size, far, counts.fan_far, share)
     if counts.distance > 0.0:
-        add_fan(counts, light, source, gentle, near, counts.fan_near, share)
+        add_fan(counts, light, source, gentle, size, near, counts.fan_near, share)

@@ -95,13 +95,11 @@ def through_cover(sky, from_above, dx, dy, dz, nx, ny, nz, pick, state):  # type
 @jit
 def haze_direct(sky, counts, light, source, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz, state):  # type: ignore[no-untyped-def]
     """Score the cosine lobe of a hazy lens by a few samples that go straight to (or leave from) the aperture."""
-    counts.fan_w[:] = 0.0
     few = min(counts.split, HAZE_SAMPLES)
     for k in range(few):
         counts.fan_a[k], counts.fan_b[k], state = cosine_lobe(state)
         counts.fan_w[k] = 1.0
-    share = value * counts.split / few
-    score_fan(counts, light, sky.geometry, source, ZERO, ZERO, share, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
+    score_fan(counts, few, light, sky.geometry, source, ZERO, ZERO, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
     return state
 
 
@@ -129,17 +127,38 @@ def enter(sky, counts, light, source, facet, area, x, y, z, dx, dy, dz, nx, ny, 
         ox = -ox
     ox, oy, w, state = lens_finish(lens, YES, cosine, ox, oy, through, w, state)
     if sky.exit[KIND] == NONE:
-        read_fan(counts, sky.above, row, k0, swap, sx, sy)
+        read_fan(counts, counts.split, sky.above, row, k0, swap, sx, sy)
         passed = 0.0
         for k in range(counts.split):
             passed += counts.fan_w[k]
         p, q = nodes[row, 0], nodes[row, 1]
         if swap:
             p, q = q, p
-        turn_fan(counts, px, py, sx, sy, p, q, c, s, mirrored)
+        turn_fan(counts, counts.split, px, py, sx, sy, p, q, c, s, mirrored)
         value = area * dirt(lens, cosine)
         clear = value * (1.0 - lens[HAZE])
-        score_fan(counts, light, sky.geometry, source, ZERO, ZERO, clear, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz)
+        score_fan(
+            counts,
+            counts.split,
+            light,
+            sky.geometry,
+            source,
+            ZERO,
+            ZERO,
+            clear,
+            x,
+            y,
+            z,
+            ex,
+            ey,
+            ez,
+            fx,
+            fy,
+            fz,
+            nx,
+            ny,
+            nz,
+        )
         if lens[HAZE] > 0.0:
             value *= lens[HAZE] * passed / counts.split
             state = haze_direct(sky, counts, light, source, value, x, y, z, ex, ey, ez, fx, fy, fz, nx, ny, nz, state)
@@ -199,16 +218,37 @@ def exit_fan(sky, counts, light, source, m, n, value, x, y, dx, dy, dz, state): 
     value *= dirt(lens, -dz)
     if through:
         w *= dirt(lens, -dz)
-    read_fan(counts, sky.under, row, k0, swap, sx, sy)
+    read_fan(counts, counts.split, sky.under, row, k0, swap, sx, sy)
     passed = 0.0
     for k in range(counts.split):
         passed += counts.fan_w[k]
     p, q = sky.nodes[row, 0], sky.nodes[row, 1]
     if swap:
         p, q = q, p
-    turn_fan(counts, px, py, sx, sy, p, q, c, s, lens[MIRROR] != 0.0)
+    turn_fan(counts, counts.split, px, py, sx, sy, p, q, c, s, lens[MIRROR] != 0.0)
     clear = value * (1.0 - lens[HAZE])
-    score_fan(counts, light, sky.geometry, source, m, n, clear, x, y, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    score_fan(
+        counts,
+        counts.split,
+        light,
+        sky.geometry,
+        source,
+        m,
+        n,
+        clear,
+        x,
+        y,
+        0.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
     if lens[HAZE] > 0.0:
         few = min(counts.split, HAZE_SAMPLES)
         share = value * lens[HAZE] * passed / counts.split / few
@@ -228,9 +268,11 @@ def glow(sky, counts, light, source, m, n, value, x, y, z, nx, ny, state):  # ty
     """
     geo = sky.geometry
     if sky.exit[KIND] == NONE:
+        size = counts.split if m + n < 2 else max(ONE, counts.split // 4)
         pick, state = uniform(state)
-        read_fan(counts, sky.lobe, ZERO, int(pick * (sky.lobe.shape[1] - counts.split + 1)), NO, 1.0, 1.0)
-        score_fan(counts, light, geo, source, m, n, 0.5 * value, x, y, z, -ny, nx, 0.0, 0.0, 0.0, 1.0, -nx, -ny, 0.0)
+        read_fan(counts, size, sky.lobe, ZERO, int(pick * (sky.lobe.shape[1] - size + 1)), NO, 1.0, 1.0)
+        half = 0.5 * value
+        score_fan(counts, size, light, geo, source, m, n, half, x, y, z, -ny, nx, 0.0, 0.0, 0.0, 1.0, -nx, -ny, 0.0)
         return state
     for _ in range(counts.glow):
         p, q, state = cosine_lobe(state)
