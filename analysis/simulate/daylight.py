@@ -96,7 +96,8 @@ def sky_model(
     if sky.startswith("cie:") and sky[4:].isdigit() and 1 <= int(sky[4:]) <= 15:
         from analysis.sky.standard import StandardSky
 
-        return StandardSky.of_diffuse(int(sky[4:]), max(diffuse_lx, 1.0), sun_altitude_deg, sun_azimuth_deg).luminance
+        kind = int(sky[4:])
+        return StandardSky.of_diffuse(kind, max(diffuse_lx, 1.0), sun_altitude_deg, sun_azimuth_deg).luminance
     raise DataError(f"there is no sky {sky!r}", f"use {', '.join(MODELS)}, or a map's file")
 
 
@@ -109,7 +110,7 @@ def sky_map(path: Path) -> Luminance:
 
 
 def scaled_to(sky: Luminance, diffuse_lx: float) -> Luminance:
-    """The sky times a factor, so that it throws ``diffuse_lx`` on the horizontal; raises `DataError` for a black sky."""
+    """The sky times a factor, so that it throws ``diffuse_lx`` on the horizontal; `DataError` if it is black."""
     total = horizontal_illuminance(sky)
     if not total > 0.0:
         if diffuse_lx == 0.0:

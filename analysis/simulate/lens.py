@@ -2,8 +2,8 @@
 
 For directions of incidence on a grid over the hemisphere (Shirley & Chiu's square, equal solid angles) a table keeps
 many traced outgoing directions as *differences of direction cosines*. A clear sheet is exact in such a table
-(all differences are 0), and peaks keep their width, because a ray adds the difference to its own direction. A sheet with
-the symmetry of a square needs an eighth of the grid; the tracer folds a direction into it.
+(all differences are 0), and peaks keep their width, because a ray adds the difference to its own direction. A sheet
+with the symmetry of a square needs an eighth of the grid; the tracer folds a direction into it.
 """
 
 import dataclasses
@@ -61,8 +61,8 @@ class LensTables:
 def nodes(half: int) -> Floats:
     """Directions of incidence (N, 3), pointing down (z < 0), in the order of the table's rows.
 
-    Row i (i + 1) / 2 + j is place u = i / half, v = j / half (0 <= v <= u) of the folded square. Grazing incidence, where
-    nothing would pass and differences are undefined, is taken at 89.4 degrees.
+    Row i (i + 1) / 2 + j is place u = i / half, v = j / half (0 <= v <= u) of the folded square. Grazing incidence,
+    where nothing would pass and differences are undefined, is taken at 89.4 degrees.
     """
     i, j = np.tril_indices(half + 1)
     rho = i / half

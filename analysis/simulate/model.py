@@ -139,7 +139,7 @@ def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Tab
 
 
 def _on_facet(travel: Floats, normal: Floats) -> Any:
-    """Direction of travel in the sheet's frame, as the kernels build it from the normal; z < 0 where light falls on it."""
+    """Direction of travel in the sheet's frame, which follows from its normal; z < 0 where light falls on it."""
     x = np.array([1.0, 0.0, 0.0])
     east = x - normal[0] * normal
     east /= np.linalg.norm(east)

@@ -5,8 +5,8 @@ tangent coordinates (the luminance varies smoothly; the cosine brings the intens
 fitted to the counts per cell by weighted least squares (Fan & Gijbels 1996, Local Polynomial Modelling, ch. 3). That
 leaves no bias of second order at peaks, and none at the horizon's edge, unlike a plain running mean.
 
-Each direction gets the widest neighbourhood that still agrees with all narrower ones within their noise (Goldenshluger &
-Nemirovski 1997, intersection of confidence intervals): peaks, where counts are plenty, stay sharp.
+Each direction gets the widest neighbourhood that still agrees with all narrower ones within their noise (Goldenshluger
+& Nemirovski 1997, intersection of confidence intervals): peaks, where counts are plenty, stay sharp.
 """
 
 import functools

@@ -1,7 +1,7 @@
 """Where the light comes from: suns, skies, or a given set of rays.
 
-A source holds T members at once (several suns, several skies): skies share their rays and differ in what a ray is worth,
-suns have rays of their own. One run then serves all tests of a system.
+A source holds T members at once (several suns, several skies): skies share their rays and differ in what a ray is
+worth, suns have rays of their own. One run then serves all tests of a system.
 """
 
 import math
@@ -58,7 +58,7 @@ class Source:
     @property
     def members(self) -> int:
         """Number of suns or skies, T."""
-        return self.flux.shape[1]
+        return int(self.flux.shape[1])
 
 
 _NO_SUNS: Final = np.zeros((1, 5))
@@ -142,7 +142,9 @@ def cell_directions(side: int, parts: int) -> tuple[Floats, Floats, Floats]:
 def cell_luminance(luminance: Luminance, side: int, parts: int = 3) -> Floats:
     """Mean luminance [cd/m²] of each cell of the sky's square, shape (side²,)."""
     vectors = np.stack(cell_directions(side, parts), axis=-1)
-    return np.asarray(luminance(vectors.reshape(-1, 3)), dtype=np.float64).reshape(side**2, -1).mean(axis=1)
+    values = np.asarray(luminance(vectors.reshape(-1, 3)), dtype=np.float64)
+    mean: Floats = values.reshape(side**2, -1).mean(axis=1)
+    return mean
 
 
 def horizontal_illuminance(luminance: Luminance, side: int = SKY_SIDE) -> float:

@@ -36,8 +36,8 @@ class Lens:
     refractive_index, thickness_mm, absorption_per_mm
         Of the solid; absorption is the natural-logarithm coefficient [1/mm].
     pitch_mm, slope_deg, blur_deg
-        Of the pyramids: width of a base, angle of a facet to the sheet, and the standard deviation of its slope in each of
-        two directions (moulding tilts facets at random).
+        Of the pyramids: width of a base, angle of a facet to the sheet, and the standard deviation of its slope in each
+        of two directions (moulding tilts facets at random).
     prisms
         Which side carries the pyramids.
     orientation_deg

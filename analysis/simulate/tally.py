@@ -1,6 +1,6 @@
 """What a run counted, and the photometry that follows: other wall reflectances and bounce limits without a new run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -44,12 +44,14 @@ class Balance:
     absorbed_walls: float
     cut: float
     roulette: float
-    rays: int
+    rays: int = 0
 
     @classmethod
     def of(cls, row: Floats, batches: int) -> "Balance":
         """From the kernel's mean row over batches."""
-        return cls(*(float(row[k]) for k in range(8)), rays=round(float(row[RAYS]) * batches))
+        names = [f.name for f in fields(cls)][:RAYS]  # the columns are in the order of the attributes
+        lumens = {name: float(value) for name, value in zip(names, row, strict=False)}
+        return cls(**lumens, rays=round(float(row[RAYS]) * batches))
 
     @property
     def residual(self) -> float:
@@ -160,7 +162,7 @@ class Tally:
         return Intensity(candela.T.reshape(shape), np.sqrt(variance).T.reshape(shape))
 
     def by_bounce(self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far") -> Floats:
-        """Intensity [cd] by number of wall bounces, shape (bounces, T, ...); with the narrowest neighbourhoods but one."""
+        """Intensity [cd] by number of wall bounces, shape (bounces, T, ...), in fixed neighbourhoods."""
         use = smoother(gamma_deg, c_deg, self.sides())
         f = 1 if field == "near" else 0
         total: Any = 0.0
@@ -176,7 +178,7 @@ class Tally:
 
     @property
     def _bounces(self) -> int:
-        return max(self.sharp.shape[2], self.soft.shape[2])
+        return max(int(self.sharp.shape[2]), int(self.soft.shape[2]))
 
     def sides(self) -> tuple[int, int]:
         """Direction cells along the side of the sharp and of the soft square."""

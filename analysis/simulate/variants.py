@@ -50,8 +50,8 @@ class Change:
         What is changed. For the lenses (all prismatic ones, or those named by ``lenses``: "entry", "exit"):
         ``rotation_deg`` (added to the orientation), ``mirrored``, ``isotropic``, ``haze``, ``slope_deg``, ``blur_deg``,
         ``absorption_per_mm``, ``refractive_index``; ``soiling`` of the entry. For the well: ``wall_reflectance``,
-        ``max_bounces``, ``scatter_deg``, ``diffuse_fraction``, ``finish``. For the sun: ``aureole_deg``. For the sensors:
-        ``distance_m``. Any dotted name of `System` otherwise.
+        ``max_bounces``, ``scatter_deg``, ``diffuse_fraction``, ``finish``. For the sun: ``aureole_deg``. For the
+        sensors: ``distance_m``. Any dotted name of `System` otherwise.
     """
 
     mechanism: str
@@ -116,9 +116,9 @@ class VariantSet:
         return _outcome(*self._tallies, len(self.tests), self.gamma_deg, self.c_deg, wall_reflectance, max_bounces)
 
     def by_bounce(self, field_: Field = "far") -> tuple[Floats, Floats]:
-        """Baseline by wall bounces n, sun and sky, each (n, tests, C, gamma) [cd]; Σ R^n/R0^n over n is any reflectance.
+        """Baseline by wall bounces n, sun and sky, each (n, tests, C, gamma) [cd]; weigh with (R/R0)^n.
 
-        Smoothed with fixed neighbourhoods, so the sum over n differs from the baseline by smoothing: use it in ratios.
+        Smoothed with fixed neighbourhoods, so the sum over n differs from the baseline by smoothing: use ratios.
         """
         shape = (1, len(self.tests), len(self.c_deg), len(self.gamma_deg))
         sun, sky = (
@@ -143,8 +143,9 @@ def variants(
 ) -> VariantSet:
     """Predict a system under several daylights, as it is and with each change.
 
-    ``rays`` are traced for each sun, and `SKY_SHARE` times as many for each sky. ``c_deg`` must be closed (0 to 360). The result depends on
-    seed and rays, not on ``threads`` (0: all cores). Raises `ConfigError` for a setting that does not exist.
+    ``rays`` are traced for each sun, and `SKY_SHARE` times as many for each sky. ``c_deg`` must be closed (0 to 360).
+    The result depends on seed and rays, not on ``threads`` (0: all cores).
+    Raises `ConfigError` for a setting that does not exist.
     """
     plans = [_plan(system, {}, distance_m), *(_plan(system, change.setting, distance_m) for change in changes)]
     runs = _Runs(tests, rays, seed, sampler)
@@ -257,12 +258,12 @@ class _Runs:
     def made(self, threads: int) -> dict[tuple[Any, ...], Tally | None]:
         for plan, _ in self._wanted.values():  # scatter tables first, so that two threads do not make the same
             skylight(plan.system, self._settings.samples, self._sampler)
-        sources = {("sky", 0.0): sky_source(self._tests)}
+        sources: dict[tuple[str, float], Source | None] = {("sky", 0.0): sky_source(self._tests)}
         jobs: list[tuple[tuple[Any, ...], Source | None]] = []
         for key, (plan, _) in self._wanted.items():
             name = (key[0], plan.aureole_deg if key[0] == "sun" else 0.0)
             if name not in sources:
-                sources[name] = sun_source(self._tests, plan.aureole_deg)  # type: ignore[assignment]
+                sources[name] = sun_source(self._tests, plan.aureole_deg)
             jobs.append((key, sources[name]))
         with ThreadPoolExecutor(threads) as pool:
             return dict(zip([key for key, _ in jobs], pool.map(lambda job: self._run(*job), jobs), strict=True))

@@ -1,6 +1,15 @@
 """What the kernels are given, bundled: named tuples of numbers and arrays (numba takes them apart at compile time)."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = tuple[float, ...]
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Indices = NDArray[np.int64]
+Table = NDArray[np.int16]
 
 # columns of the geometry
 SHAPE, AX, AY, HEIGHT, BOOT, COVER, RISE, CAP_RADIUS, CAP_CENTRE, AREA, TURN_C, TURN_S = range(12)
@@ -44,23 +53,23 @@ class Skylight(NamedTuple):
     lobe : shape (1, samples, 3)
         The lower half of a cosine lobe in the form of a scatter table.
     block, blocks
-        This batch reads only its own part of every row, so that the scatter between batches shows the tables' noise too.
+        This batch reads only its part of every row, so that the scatter between batches shows the tables' noise too.
     """
 
-    geometry: Any
-    facets: Any
-    well: Any
-    boot: Any
-    entry: Any
-    exit: Any
-    above: Any
-    below: Any
-    under: Any
-    nodes: Any
+    geometry: Numbers
+    facets: Floats
+    well: Numbers
+    boot: Numbers
+    entry: Numbers
+    exit: Numbers
+    above: Table
+    below: Table
+    under: Table
+    nodes: Floats
     half: int
     exact: bool
-    spots: Any
-    lobe: Any
+    spots: Floats
+    lobe: Table
     block: int
     blocks: int
 
@@ -70,11 +79,11 @@ class Light(NamedTuple):
 
     mode: int
     side: int
-    steps: Any
-    flux: Any
-    span: Any
-    suns: Any
-    rays: Any
+    steps: Floats
+    flux: Floats
+    span: Indices
+    suns: Floats
+    rays: Floats
 
 
 class Counts(NamedTuple):
@@ -83,8 +92,8 @@ class Counts(NamedTuple):
     Attributes
     ----------
     sharp, soft : flat float32 arrays
-        Lumens by (boot bounces, wall bounces, field, cell, member): light of specular paths, and light that a diffuse wall
-        sent.
+        Lumens by (boot bounces, wall bounces, field, cell, member): light of specular paths, and light that a diffuse
+        wall sent.
     sharp_side, soft_side
         Direction cells along the side of the square.
     classes, sharp_classes, bounces
@@ -104,8 +113,8 @@ class Counts(NamedTuple):
         Room for the samples of one lens pass.
     """
 
-    sharp: Any
-    soft: Any
+    sharp: Singles
+    soft: Singles
     sharp_side: int
     soft_side: int
     classes: int
@@ -118,9 +127,70 @@ class Counts(NamedTuple):
     split: int
     glow: int
     limit: int
-    balance: Any
-    fan_a: Any
-    fan_b: Any
-    fan_w: Any
-    fan_far: Any
-    fan_near: Any
+    balance: Floats
+    fan_a: Floats
+    fan_b: Floats
+    fan_w: Floats
+    fan_far: Indices
+    fan_near: Indices
+
+
+class Scene(NamedTuple):
+    """All that a run works with."""
+
+    sky: Skylight
+    counts: Counts
+    light: Light
+
+
+class Ray(NamedTuple):
+    """A place [m] and a direction of travel (unit vector)."""
+
+    x: float
+    y: float
+    z: float
+    dx: float
+    dy: float
+    dz: float
+
+
+class Frame(NamedTuple):
+    """Two axes along a sheet or wall, and the normal that points away from where its light goes."""
+
+    ex: float
+    ey: float
+    ez: float
+    fx: float
+    fy: float
+    fz: float
+    nx: float
+    ny: float
+    nz: float
+
+
+class Load(NamedTuple):
+    """What a ray carries.
+
+    Attributes
+    ----------
+    source
+        Cell of the source it came from.
+    area
+        Projected area of the cover that it stands for [m²].
+    unit
+        Its light when it fell on the cover [lm], for the balance.
+    weight
+        Share of that still on its way.
+    boot, wall
+        Bounces so far.
+    seen
+        Whether the aperture was shown the light of the last event already (by a fan), so that it must not count again.
+    """
+
+    source: int
+    area: float
+    unit: float
+    weight: float
+    boot: int
+    wall: int
+    seen: bool

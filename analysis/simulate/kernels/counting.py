@@ -1,16 +1,24 @@
 """Counting rays that leave the aperture, by direction and by where they meet the sensors' sphere."""
 
 import math
+from typing import Any, Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import TURN_C, TURN_S
+from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Counts, Indices, Light, Ray, Scene
 from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.optics import square_of
 
+# typed, because numba compiles a function again for every literal it is called with
+ZERO: Final[Any] = np.int64(0)
+ONE: Final[Any] = np.int64(1)
+TWO: Final[Any] = np.int64(2)
+YES: Final[Any] = np.bool_(True)
+NO: Final[Any] = np.bool_(False)
+
 
 @jit
-def cell_of(x, y, z, side):  # type: ignore[no-untyped-def]
+def cell_of(x: float, y: float, z: float, side: int) -> int:
     """Cell of the direction square (side by side cells) for a direction with z >= 0."""
     u, v = square_of(x, y, z)
     i = min(side - 1, int((u + 1.0) * 0.5 * side))
@@ -19,7 +27,7 @@ def cell_of(x, y, z, side):  # type: ignore[no-untyped-def]
 
 
 @jit
-def slot(counts, m, n):  # type: ignore[no-untyped-def]
+def slot(counts: Counts, m: int, n: int) -> tuple[bool, int, int, int]:
     """Where light is counted after m bounces on the boot and n on the wall.
 
     Returns whether that is the soft tally, cells along its side, and the first cell of the far and of the near field.
@@ -34,7 +42,7 @@ def slot(counts, m, n):  # type: ignore[no-untyped-def]
 
 
 @jit
-def add(counts, light, source, gentle, cell, value):  # type: ignore[no-untyped-def]
+def add(counts: Counts, light: Light, source: int, gentle: bool, cell: int, value: float) -> None:
     """Add to each member that the source's cell belongs to."""
     first = cell * counts.members
     for t in range(light.span[source, 0], light.span[source, 1]):
@@ -45,7 +53,9 @@ def add(counts, light, source, gentle, cell, value):  # type: ignore[no-untyped-
 
 
 @jit
-def add_fan(counts, light, source, gentle, size, first, cells, share):  # type: ignore[no-untyped-def]
+def add_fan(
+    counts: Counts, light: Light, source: int, gentle: bool, size: int, first: int, cells: Indices, share: float
+) -> None:
     """Add a fan of samples, each with its weight, to each member that the source's cell belongs to."""
     for t in range(light.span[source, 0], light.span[source, 1]):
         value = share * light.flux[source, t]
@@ -58,21 +68,23 @@ def add_fan(counts, light, source, gentle, size, first, cells, share):  # type: 
 
 
 @jit
-def score(counts, light, geo, source, m, n, value, x, y, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """Count a ray that leaves the aperture at (x, y) after m bounces on the boot and n on the wall.
+def score(scene: Scene, source: int, boot: int, wall: int, value: float, ray: Ray) -> None:
+    """Count a ray that leaves the aperture after so many bounces on boot and wall; ``value``: m² of the source's light.
 
     A sensor that faces the aperture's centre from distance D sees E = dΦ/dA of its sphere, so candela "as measured"
     = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field.
     """
     if value == 0.0:
         return
-    gentle, side, far, near = slot(counts, m, n)
+    counts, light, geo = scene.counts, scene.light, scene.sky.geometry
+    gentle, side, far, near = slot(counts, boot, wall)
     c, s = geo[TURN_C], geo[TURN_S]
-    x, y = c * x - s * y, s * x + c * y
-    dx, dy = c * dx - s * dy, s * dx + c * dy
-    add(counts, light, source, gentle, far + cell_of(dx, dy, -dz, side), value)
+    x, y = c * ray.x - s * ray.y, s * ray.x + c * ray.y
+    dx, dy = c * ray.dx - s * ray.dy, s * ray.dx + c * ray.dy
+    add(counts, light, source, gentle, far + cell_of(dx, dy, -ray.dz, side), value)
     d = counts.distance
     if d > 0.0:
         p = x * dx + y * dy
         t = math.sqrt(p * p + d * d - x * x - y * y) - p
-        add(counts, light, source, gentle, near + cell_of((x + t * dx) / d, (y + t * dy) / d, -t * dz / d, side), value)
+        cell = cell_of((x + t * dx) / d, (y + t * dy) / d, -t * ray.dz / d, side)
+        add(counts, light, source, gentle, near + cell, value)

@@ -6,6 +6,8 @@ never comes back.
 
 import math
 
+import numpy as np
+
 from analysis.simulate.kernels.arrays import (
     AREA,
     AX,
@@ -26,13 +28,15 @@ from analysis.simulate.kernels.arrays import (
     RISE,
     SHAPE,
     SPREAD,
+    Floats,
+    Numbers,
 )
 from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.optics import cosine_lobe, uniform
 
 
 @jit
-def outline_point(geo, a, b):  # type: ignore[no-untyped-def]
+def outline_point(geo: Numbers, a: float, b: float) -> tuple[float, float]:
     """A point uniform in the aperture's outline, from two numbers in [0, 1)."""
     if geo[SHAPE] == RECTANGLE:
         return (2.0 * a - 1.0) * geo[AX], (2.0 * b - 1.0) * geo[AY]
@@ -41,7 +45,7 @@ def outline_point(geo, a, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def facet_point(geo, f, a, b):  # type: ignore[no-untyped-def]
+def facet_point(geo: Numbers, f: int, a: float, b: float) -> tuple[float, float, float]:
     """A point uniform on facet f (0 east, 1 north, 2 west, 3 south) of the pyramid."""
     r = math.sqrt(a)  # share of the way from the apex to the eave
     along = 2.0 * b - 1.0
@@ -53,10 +57,13 @@ def facet_point(geo, f, a, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def land(geo, facets, dx, dy, dz, a, b, c):  # type: ignore[no-untyped-def]
+def land(
+    geo: Numbers, facets: Floats, dx: float, dy: float, dz: float, a: float, b: float, c: float
+) -> tuple[float, float, float, float, float, float, float, int]:
     """Let a beam of direction d (dz < 0) fall on the cover, from three numbers in [0, 1).
 
-    Returns the point, the cover's outward normal there, the projected area [m²] that this ray stands for, and the facet.
+    Returns the point, the cover's outward normal there, the projected area [m²] that this ray stands for, and the
+    facet.
     """
     if geo[COVER] == FLAT:
         x, y = outline_point(geo, a, b)
@@ -85,7 +92,9 @@ def land(geo, facets, dx, dy, dz, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @jit
-def under_cover(geo, facets, x, y, z, dx, dy, dz):  # type: ignore[no-untyped-def]
+def under_cover(
+    geo: Numbers, facets: Floats, x: float, y: float, z: float, dx: float, dy: float, dz: float
+) -> tuple[bool, float, float, float, float, float, float]:
     """Follow a ray inside the cover (z >= well height) to the cover or down to the well.
 
     Returns whether it met the cover, the point, and the cover's outward normal there.
@@ -122,7 +131,7 @@ def under_cover(geo, facets, x, y, z, dx, dy, dz):  # type: ignore[no-untyped-de
 
 
 @jit
-def mirror_box(half, x, d, length):  # type: ignore[no-untyped-def]
+def mirror_box(half: float, x: float, d: float, length: float) -> tuple[float, float, int]:
     """One axis of a mirror box, unfolded: place and direction after ``length`` of path, and reflections on the way."""
     u = (x + d * length) / (2.0 * half) + 0.5
     cell = math.floor(u)
@@ -135,7 +144,9 @@ def mirror_box(half, x, d, length):  # type: ignore[no-untyped-def]
 
 
 @jit
-def mirror_cylinder(radius, x, y, dx, dy, length):  # type: ignore[no-untyped-def]
+def mirror_cylinder(
+    radius: float, x: float, y: float, dx: float, dy: float, length: float
+) -> tuple[float, float, float, float, int]:
     """A mirror cylinder in closed form: all chords are equal, all turns about the axis too.
 
     Returns place and direction after ``length`` of three-dimensional path, and the number of reflections.
@@ -176,7 +187,7 @@ def mirror_cylinder(radius, x, y, dx, dy, length):  # type: ignore[no-untyped-de
 
 
 @jit
-def next_wall(geo, x, y, dx, dy):  # type: ignore[no-untyped-def]
+def next_wall(geo: Numbers, x: float, y: float, dx: float, dy: float) -> tuple[float, float, float]:
     """Path to the well's wall and the wall's inward normal (horizontal) there."""
     if geo[SHAPE] == RECTANGLE:
         tx = 1e30
@@ -200,7 +211,9 @@ def next_wall(geo, x, y, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @jit
-def bounce(wall, dx, dy, dz, nx, ny, state):  # type: ignore[no-untyped-def]
+def bounce(
+    wall: Numbers, dx: float, dy: float, dz: float, nx: float, ny: float, state: np.uint64
+) -> tuple[float, float, float, bool, np.uint64]:
     """Direction after a wall with inward normal (nx, ny, 0): mirror, spread mirror, or Lambertian (then True)."""
     lambert = wall[LAMBERT]
     if lambert > 0.0:

@@ -24,6 +24,7 @@ def _digest() -> str:
 
 
 F = TypeVar("F", bound=Callable[..., Any])
+A = TypeVar("A")
 
 _FOLDER: Final = cache_folder("numba") / _digest()
 
@@ -56,17 +57,19 @@ def jit(function: F) -> F:
     return _compiled(function, cache=False, forceinline=True)
 
 
-@intrinsic
-def borrowed(typing_context, array):  # type: ignore[no-untyped-def]
+def _borrowed(typing_context: Any, array: Any) -> Any:
     """The same array without reference counting: counting costs more than tracing when kernels call each other.
 
     The caller of the outermost kernel holds the arrays until it returns.
     """
 
-    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         view = context.make_array(signature.args[0])(context, builder, value=arguments[0])
         view.meminfo = cgutils.get_null_value(view.meminfo.type)
         view.parent = cgutils.get_null_value(view.parent.type)
         return view._getvalue()
 
     return array(array), build
+
+
+borrowed: Callable[[A], A] = intrinsic(_borrowed)

@@ -3,6 +3,9 @@
 import math
 from typing import Final
 
+import numpy as np
+
+from analysis.simulate.kernels.arrays import Floats
 from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.optics import hemisphere_of, uniform
 
@@ -17,14 +20,14 @@ A6: Final = 1 / _ROOT**6
 
 
 @jit
-def even(start, i, step):  # type: ignore[no-untyped-def]
+def even(start: float, i: int, step: float) -> float:
     """The i-th number of an evenly spread sequence in [0, 1) (additive recurrence)."""
     a = start + i * step
     return a - math.floor(a)
 
 
 @jit
-def from_sky(place, side, state):  # type: ignore[no-untyped-def]
+def from_sky(place: int, side: int, state: np.uint64) -> tuple[float, float, float, np.uint64]:
     """Direction of travel (down) of light from somewhere in cell ``place`` of the sky's square."""
     a, state = uniform(state)
     b, state = uniform(state)
@@ -35,7 +38,7 @@ def from_sky(place, side, state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def from_sun(suns, k, a, b, spread_a, spread_b):  # type: ignore[no-untyped-def]
+def from_sun(suns: Floats, k: int, a: float, b: float, spread_a: float, spread_b: float) -> tuple[float, float, float]:
     """Direction of travel of light from the sun's disc, widened by a Gaussian if asked.
 
     Row ``k`` of ``suns``: unit vector towards the sun (3), sine of the disc's radius, and the Gaussian's rms [rad].

@@ -1,11 +1,11 @@
 """Random numbers, maps between square and hemisphere, and what happens to a ray at a lens.
 
 Every ray has its own stream of random numbers, and every event along its path a fresh place in it: two runs with the
-same seed meet the same accidents as long as their paths have the same events, which keeps ratios between variants quiet.
+same seed meet the same accidents as long as their paths have the same events, which keeps ratios of variants quiet.
 """
 
 import math
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from analysis.simulate.kernels.arrays import (
     TABLE,
     TRANSMIT,
     WEIGHT_SCALE,
+    Numbers,
+    Skylight,
+    Table,
 )
 from analysis.simulate.kernels.jit import jit
 
@@ -37,11 +40,40 @@ _S30: Final = np.uint64(30)
 _S27: Final = np.uint64(27)
 _S31: Final = np.uint64(31)
 _S11: Final = np.uint64(11)
+_ONE: Final[Any] = np.int64(1)
 _UNIT: Final = 1.0 / 9007199254740992.0
+
+Passed = tuple[float, float, bool, float, np.uint64]
+"""Outgoing tangential cosines, whether the light passes, its weight, and the random state."""
+
+
+class Place(NamedTuple):
+    """Where a scatter table is read.
+
+    Attributes
+    ----------
+    x, y
+        Tangential direction cosines of the light in the pattern's frame.
+    row
+        Of the table.
+    swap, sx, sy
+        How the row was folded: whether x and y are exchanged, and their signs.
+    c, s
+        The pattern's turn.
+    """
+
+    x: float
+    y: float
+    row: int
+    swap: bool
+    sx: float
+    sy: float
+    c: float
+    s: float
 
 
 @jit
-def mix(z):  # type: ignore[no-untyped-def]
+def mix(z: np.uint64) -> np.uint64:
     """Scramble 64 bits (splitmix64; Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195)."""
     z = (z ^ (z >> _S30)) * _MIX1
     z = (z ^ (z >> _S27)) * _MIX2
@@ -49,20 +81,20 @@ def mix(z):  # type: ignore[no-untyped-def]
 
 
 @jit
-def stream(key, event):  # type: ignore[no-untyped-def]
+def stream(key: np.uint64, event: int) -> np.uint64:
     """Start of the random numbers of one event of the ray with this key."""
     return mix(key + np.uint64(event) * _EVENT)
 
 
 @jit
-def uniform(state):  # type: ignore[no-untyped-def]
+def uniform(state: np.uint64) -> tuple[float, np.uint64]:
     """The next number in [0, 1) and the state after it."""
     state = state + _GAMMA
     return float(mix(state) >> _S11) * _UNIT, state
 
 
 @jit
-def arctan_unit(x):  # type: ignore[no-untyped-def]
+def arctan_unit(x: float) -> float:
     """Arc tangent for -1 <= x <= 1; odd polynomial fitted on Chebyshev nodes, error below 2e-6."""
     s = x * x
     q = s * s
@@ -73,7 +105,7 @@ def arctan_unit(x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def square_of(x, y, z):  # type: ignore[no-untyped-def]
+def square_of(x: float, y: float, z: float) -> tuple[float, float]:
     """Place (u, v) in [-1, 1]² of a direction of the hemisphere z >= 0; equal solid angles on equal areas.
 
     Shirley & Chiu 1997, doi:10.1080/10867651.1997.10487479, with the disc's radius squared = 1 - z.
@@ -88,7 +120,7 @@ def square_of(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @jit
-def hemisphere_of(u, v):  # type: ignore[no-untyped-def]
+def hemisphere_of(u: float, v: float) -> tuple[float, float, float]:
     """Direction (x, y, z >= 0) at a place of the square [-1, 1]²; the inverse of `square_of`."""
     if abs(u) >= abs(v):
         rho = abs(u)
@@ -105,7 +137,7 @@ def hemisphere_of(u, v):  # type: ignore[no-untyped-def]
 
 
 @jit
-def slab(cosine, index, depth):  # type: ignore[no-untyped-def]
+def slab(cosine: float, index: float, depth: float) -> tuple[float, float]:
     """Transmittance and reflectance of a clear slab for unpolarised light, inter-reflections summed.
 
     Fresnel's equations for each polarisation, then the geometric series; ``depth`` is absorption coefficient times
@@ -123,7 +155,7 @@ def slab(cosine, index, depth):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_node(lx, ly, cosine, half, r1, r2):  # type: ignore[no-untyped-def]
+def lens_node(lx: float, ly: float, cosine: float, half: int, r1: float, r2: float) -> tuple[int, bool, float, float]:
     """Table row for a direction of incidence, one of the four around it at random (linear interpolation in the mean).
 
     The pattern has the symmetry of a square, so the direction is folded into an eighth of the hemisphere. Returns the
@@ -141,25 +173,23 @@ def lens_node(lx, ly, cosine, half, r1, r2):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_sample(table, nodes, row, k, swap, sx, sy, lx, ly):  # type: ignore[no-untyped-def]
-    """Outgoing tangential cosines, whether the light passes, and its weight, from one entry of a table.
+def lens_sample(table: Table, p: float, q: float, at: Place, k: int) -> tuple[float, float, bool, float]:
+    """Outgoing tangential cosines in the pattern's frame, whether the light passes, and its weight, from entry ``k``.
 
-    The entry is a difference to the light's own direction; where that leads beyond grazing, the direction that the
-    entry was traced with is taken instead.
+    The entry is a difference to the light's own direction; where that leads beyond grazing, the direction (p, q) that
+    the entry was traced with is taken instead.
     """
-    a = table[row, k, 0] * DELTA_SCALE
-    b = table[row, k, 1] * DELTA_SCALE
-    w = table[row, k, 2] * WEIGHT_SCALE
-    if swap:
+    a = table[at.row, k, 0] * DELTA_SCALE
+    b = table[at.row, k, 1] * DELTA_SCALE
+    w = table[at.row, k, 2] * WEIGHT_SCALE
+    if at.swap:
         a, b = b, a
-    ox = lx + sx * a
-    oy = ly + sy * b
+        p, q = q, p
+    ox = at.x + at.sx * a
+    oy = at.y + at.sy * b
     if ox * ox + oy * oy > 0.9999:
-        p, q = nodes[row, 0], nodes[row, 1]
-        if swap:
-            p, q = q, p
-        ox = sx * (a + p)
-        oy = sy * (b + q)
+        ox = at.sx * (a + p)
+        oy = at.sy * (b + q)
         far = ox * ox + oy * oy
         if far > 0.9999:
             shrink = math.sqrt(0.9999 / far)
@@ -169,7 +199,7 @@ def lens_sample(table, nodes, row, k, swap, sx, sy, lx, ly):  # type: ignore[no-
 
 
 @jit
-def cosine_lobe(state):  # type: ignore[no-untyped-def]
+def cosine_lobe(state: np.uint64) -> tuple[float, float, np.uint64]:
     """Tangential cosines of a Lambertian direction: uniform on the unit disc (Nusselt)."""
     a, state = uniform(state)
     b, state = uniform(state)
@@ -178,7 +208,7 @@ def cosine_lobe(state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def to_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
+def to_pattern(lens: Numbers, x: float, y: float, c: float, s: float) -> tuple[float, float]:
     """Tangential cosines in the frame of the lens pattern, turned by (c, s)."""
     if lens[MIRROR] != 0.0:
         x = -x
@@ -186,7 +216,7 @@ def to_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
 
 
 @jit
-def from_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
+def from_pattern(lens: Numbers, x: float, y: float, c: float, s: float) -> tuple[float, float]:
     """Back from the frame of the pattern."""
     a, b = c * x - s * y, s * x + c * y
     if lens[MIRROR] != 0.0:
@@ -195,7 +225,7 @@ def from_pattern(lens, x, y, c, s):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_turn(lens, state):  # type: ignore[no-untyped-def]
+def lens_turn(lens: Numbers, state: np.uint64) -> tuple[float, float, np.uint64]:
     """Cosine and sine of the pattern's turn for this hit (at random for an isotropic lens)."""
     c = lens[COS]
     s = lens[SIN]
@@ -207,7 +237,7 @@ def lens_turn(lens, state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_plain(lens, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
+def lens_plain(lens: Numbers, lx: float, ly: float, cosine: float, state: np.uint64) -> Passed:
     """What a lens without a table does: nothing, a clear slab, or a diffuser."""
     kind = lens[KIND]
     if kind == NONE:
@@ -223,7 +253,7 @@ def lens_plain(lens, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
 
 
 @jit
-def dirt(lens, cosine):  # type: ignore[no-untyped-def]
+def dirt(lens: Numbers, cosine: float) -> float:
     """Transmittance of the dirt on a lens's upper face for light at this cosine to its normal (Beer and Lambert)."""
     if lens[SOIL] == 0.0:
         return 1.0
@@ -231,7 +261,9 @@ def dirt(lens, cosine):  # type: ignore[no-untyped-def]
 
 
 @jit
-def lens_finish(lens, from_above, cosine, ox, oy, through, w, state):  # type: ignore[no-untyped-def]
+def lens_finish(
+    lens: Numbers, from_above: bool, cosine: float, ox: float, oy: float, through: bool, w: float, state: np.uint64
+) -> tuple[float, float, float, np.uint64]:
     """Haze (transmitted light becomes a cosine lobe) and dirt on the upper face (weighs, never turns)."""
     if through and lens[HAZE] > 0.0:
         a, state = uniform(state)
@@ -244,28 +276,38 @@ def lens_finish(lens, from_above, cosine, ox, oy, through, w, state):  # type: i
 
 
 @jit
-def lens_row(lens, half, lx, ly, cosine, state):  # type: ignore[no-untyped-def]
-    """Where a table is read for light of these direction cosines.
-
-    Returns the cosines in the pattern's frame, the row with its exchange and signs, the pattern's turn, and the state.
-    """
+def lens_place(
+    lens: Numbers, half: int, lx: float, ly: float, cosine: float, state: np.uint64
+) -> tuple[Place, np.uint64]:
+    """Where a table is read for light of these direction cosines."""
     c, s, state = lens_turn(lens, state)
     px, py = to_pattern(lens, lx, ly, c, s)
     r1, state = uniform(state)
     r2, state = uniform(state)
     row, swap, sx, sy = lens_node(px, py, cosine, half, r1, r2)
-    return px, py, row, swap, sx, sy, c, s, state
+    return Place(px, py, row, swap, sx, sy, c, s), state
 
 
 @jit
-def entry_of(sky, table, count, pick):  # type: ignore[no-untyped-def]
+def entry_of(sky: Skylight, table: Table, count: int, pick: float) -> int:
     """First of ``count`` consecutive entries in this batch's part of a row, chosen by a number in [0, 1)."""
     size = table.shape[1] // sky.blocks
-    return sky.block * size + int(pick * (size - count + 1))
+    first: int = sky.block * size + int(pick * (size - count + 1))
+    return first
 
 
 @jit
-def lens_hit(sky, lens, table, from_above, lx, ly, cosine, pick, state):  # type: ignore[no-untyped-def]
+def lens_hit(
+    sky: Skylight,
+    lens: Numbers,
+    table: Table,
+    from_above: bool,
+    lx: float,
+    ly: float,
+    cosine: float,
+    pick: float,
+    state: np.uint64,
+) -> Passed:
     """One pass of a lens.
 
     ``lx, ly, cosine``: tangential and normal direction cosines of the light (cosine > 0, towards the sheet);
@@ -275,10 +317,9 @@ def lens_hit(sky, lens, table, from_above, lx, ly, cosine, pick, state):  # type
     if lens[KIND] != TABLE:
         ox, oy, through, w, state = lens_plain(lens, lx, ly, cosine, state)
     else:
-        px, py, row, swap, sx, sy, c, s, state = lens_row(lens, sky.half, lx, ly, cosine, state)
-        qx, qy, through, w = lens_sample(
-            table, sky.nodes, row, entry_of(sky, table, np.int64(1), pick), swap, sx, sy, px, py
-        )
-        ox, oy = from_pattern(lens, qx, qy, c, s)
+        at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
+        k = entry_of(sky, table, _ONE, pick)
+        qx, qy, through, w = lens_sample(table, sky.nodes[at.row, 0], sky.nodes[at.row, 1], at, k)
+        ox, oy = from_pattern(lens, qx, qy, at.c, at.s)
     ox, oy, w, state = lens_finish(lens, from_above, cosine, ox, oy, through, w, state)
     return ox, oy, through, w, state
