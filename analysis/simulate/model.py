@@ -22,7 +22,7 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
     under, _, half2 = _lens_tables(system.exit, samples, sampler)
     half = max(half, half2)
     return k.Skylight(
-        geometry=_geometry(system),
+        geometry=geometry(system),
         facets=facets(system),
         well=_wall(system.wall),
         boot=_wall(system.boot),
@@ -59,7 +59,7 @@ def for_sun(
 
 def cover_area_m2(system: System) -> float:
     """Area of the cover's surface [m²]."""
-    row = _geometry(system)
+    row = geometry(system)
     if row[k.COVER] == k.PYRAMID:
         return float(facets(system)[:, k.FACET_AREA].sum())
     if row[k.COVER] == k.DOME:
@@ -83,7 +83,8 @@ def facets(system: System) -> Floats:
     return rows
 
 
-def _geometry(system: System) -> tuple[float, ...]:
+def geometry(system: System) -> tuple[float, ...]:
+    """Shape and sizes; the columns are named in `analysis.simulate.kernels.arrays`."""
     row = [0.0] * 12
     disc = system.aperture.shape == "disc"
     radius = system.aperture.diameter_m / 2

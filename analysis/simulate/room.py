@@ -3,8 +3,8 @@
 Radiosity on patches: each patch gets light from the aperture by the intensity distribution (inverse square), and from
 all other patches by form factors that are exact from a patch's middle to a rectangle (Lambert's polygon formula;
 e.g. Howell, Siegel & Mengüç, Thermal Radiation Heat Transfer, ch. 5; Baum et al. 1989, doi:10.1145/74334.74367).
-The room is a convex box, so every patch sees every other whole. Sensors gather the patches' luminance over the cone that
-their shields leave open. Aperture, sensors and arm themselves are taken as black.
+The room is a convex box, so every patch sees every other whole. Sensors gather the patches' luminance over the cone
+that their shields leave open. Aperture, sensors and arm themselves are taken as black.
 """
 
 import functools
@@ -84,12 +84,12 @@ class Room:
     def exitance(self, direct_lx: Floats) -> Floats:
         """Exitance [lm/m²] of the patches after all bounces, for direct illuminances (patches, ...) [lx]."""
         patches = _patches(self.size_m)
-        rho = np.array([self.wall] * 4 + [self.floor, self.ceiling])[patches.surface]
-        rho = rho.reshape(-1, *[1] * (direct_lx.ndim - 1))
-        first = rho * direct_lx
-        total = first
+        by_surface = np.array([self.wall] * 4 + [self.floor, self.ceiling])
+        rho: Floats = by_surface[patches.surface].reshape(-1, *[1] * (direct_lx.ndim - 1))
+        first: Floats = rho * direct_lx
+        total: Floats = first
         for _ in range(200):
-            new = first + rho * (patches.factors @ total)
+            new: Floats = first + rho * (patches.factors @ total)
             if np.allclose(new, total, rtol=1e-6, atol=0.0):
                 return new
             total = new
@@ -164,7 +164,7 @@ def _patches(size: tuple[float, float, float]) -> Patches:
 
 
 def _factors(middle: Floats, normal: Floats, corners: Floats, surface: Whole) -> Floats:
-    """Form factors from middles to rectangles: Lambert's formula, Σ over edges of angle times (edge normal · n) / 2π."""
+    """Form factors from middles to rectangles: Lambert's sum over edges of angle times (edge normal · n) / 2π."""
     count = len(middle)
     result = np.zeros((count, count))
     for i in range(count):

@@ -184,7 +184,7 @@ class System:
                 problems.add(key, "no such setting")
                 continue
             place[last] = _as_dict(value)
-        problems.raise_if_any(ConfigError, "`labdaq simulate --settings` lists them all")
+        problems.raise_if_any(ConfigError, "`labdaq simulate --list-settings` shows them all")
         return _checked(data, self.name)
 
 

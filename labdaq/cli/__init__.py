@@ -18,6 +18,7 @@ COMMANDS: Final[dict[str, str]] = {
     "merge": "Merge a bracket of exposures into a luminance map.",
     "compare": "Put recordings beside simulations, as a case and as a report.",
     "benchmark": "Pack recordings and simulations for others; verify a pack.",
+    "simulate": "Predict the photometry of a skylight.",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 

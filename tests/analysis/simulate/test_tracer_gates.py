@@ -1,4 +1,7 @@
-"""Analytic gates of the tracer. Tolerances are multiples of the run's own statistical uncertainty unless said otherwise."""
+"""Analytic gates of the tracer.
+
+Tolerances are multiples of the run's own statistical uncertainty unless said otherwise.
+"""
 
 import math
 
@@ -74,7 +77,8 @@ def test_lambertian_aperture_in_far_and_near_field() -> None:
 def swift_smith(p: float, theta: float, reflectance: float) -> float:
     """Transmittance of a mirror tube of aspect p = L/d for parallel light.
 
-    Swift & Smith 1995, Solar Energy Materials 36:159: (4/π) ∫ s²/√(1-s²) R^N (1-(1-R)(q-N)) ds, q = p tan θ / s, N = ⌊q⌋.
+    Swift & Smith 1995, Solar Energy Materials 36:159: (4/π) ∫ s²/√(1-s²) R^N (1-(1-R)(q-N)) ds,
+    q = p tan θ / s, N = ⌊q⌋.
     """
     a = (np.arange(400_000) + 0.5) / 400_000 * math.pi / 2  # s = sin a removes the singularity at s = 1
     s = np.sin(a)

@@ -74,7 +74,7 @@ def test_isotropic_lens_is_the_mean_over_all_orientations() -> None:
 
 
 def test_diffuse_light_passes_as_well_down_as_up() -> None:
-    """Reciprocity: a flat sheet on an open aperture passes as much of an even sky with prisms up as with prisms down."""
+    """Reciprocity: a flat sheet on an open aperture passes as much of an even sky with prisms up as down."""
     flat = named("box").replace(rise_m=0.0, exit=Lens(kind="none"), well_depth_m=1e-6)
     sky = skies([lambda d: np.ones(d.shape[:-1])])
     down, up = (
@@ -85,7 +85,7 @@ def test_diffuse_light_passes_as_well_down_as_up() -> None:
 
 
 def test_bidirectional_reciprocity_of_a_sheet() -> None:
-    """Light from A to B passes like light from B to A: f(A->B) cos B / I in far-field terms, both ways through a sheet."""
+    """Light passes from A to B like from B to A: intensity over (area, cosines, illuminance), both ways."""
     flat = named("box").replace(rise_m=0.0, exit=Lens(kind="none"), well_depth_m=1e-6)
 
     def btdf(prisms: str, altitude: float, azimuth: float, gamma: float, c: float) -> tuple[float, float]:

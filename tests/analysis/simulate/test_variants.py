@@ -59,9 +59,7 @@ def test_flux_is_the_same_from_far_and_near(box: VariantSet) -> None:
 
 
 def test_tallied_reflectance_equals_a_run_with_that_wall(box: VariantSet) -> None:
-    traced = variants(
-        named("box").with_settings({"wall.reflectance": 0.80}), a_morning(), [], rays=RAYS, threads=1
-    )
+    traced = variants(named("box").with_settings({"wall.reflectance": 0.80}), a_morning(), [], rays=RAYS, threads=1)
     tallied = by_setting(box, wall_reflectance=0.80)
     assert flux(tallied.far.sun, box) == pytest.approx(flux(traced.baseline.far.sun, box), rel=0.01)
     assert flux(tallied.far.sky, box) == pytest.approx(flux(traced.baseline.far.sky, box), rel=0.01)

@@ -1,0 +1,240 @@
+"""The predicted photometry of one skylight under one daylight, sun part and sky part apart."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.photometry import Distribution
+from analysis.simulate.daylight import Daylight, sky_source, sun_source
+from analysis.simulate.lens import Sampler
+from analysis.simulate.room import Room
+from analysis.simulate.source import Source
+from analysis.simulate.system import System
+from analysis.simulate.tally import Field, Tally
+from analysis.simulate.tracer import Settings, trace
+from labdaq.errors import ConfigError
+
+Floats = NDArray[np.float64]
+Engine = Literal["tracer", "radiance"]
+
+GAMMA_DEG: Final[Floats] = np.arange(0.0, 90.1, 2.5)
+C_DEG: Final[Floats] = np.arange(0.0, 360.1, 7.5)
+"""The grid of a prediction: it holds the goniophotometer's directions (gamma 5, 15, ...; C 22.5, 45, ...)."""
+
+PILOT: Final = 200_000
+MOST_RAYS: Final = 200_000_000
+
+
+@dataclass(frozen=True)
+class SunAndSky:
+    """Two parts of a prediction in one field.
+
+    Attributes
+    ----------
+    sun, sky
+        Distributions over the same angles [cd].
+    sun_uncertainty, sky_uncertainty : shape (C, gamma) [cd]
+        Standard uncertainty from statistics alone.
+    """
+
+    sun: Distribution
+    sky: Distribution
+    sun_uncertainty: Floats
+    sky_uncertainty: Floats
+
+    @property
+    def total(self) -> Distribution:
+        """Sun part plus sky part."""
+        return dataclasses.replace(self.sun, candela=self.sun.candela + self.sky.candela)
+
+    @property
+    def uncertainty(self) -> Floats:
+        """Standard uncertainty of the total [cd], shape (C, gamma)."""
+        return np.hypot(self.sun_uncertainty, self.sky_uncertainty)
+
+    def worst_relative(self) -> float:
+        """Root mean square relative uncertainty of the total where it is above 5 % of its largest value."""
+        candela = self.total.candela
+        bright = candela > 0.05 * candela.max()
+        if not bright.any():
+            return 0.0
+        return float(np.sqrt(np.mean((self.uncertainty[bright] / candela[bright]) ** 2)))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What an engine predicts.
+
+    Attributes
+    ----------
+    engine
+        ``tracer`` or ``radiance``.
+    far
+        Far field.
+    near
+        As sensors at ``distance_m`` measure it (E times distance squared), with the room's light if there is a room;
+        None where no distance was asked for.
+    facts
+        How it was made: rays, balance, and so on; JSON values.
+    """
+
+    system: System
+    daylight: Daylight
+    engine: str
+    far: SunAndSky
+    near: SunAndSky | None
+    distance_m: float
+    facts: dict[str, Any]
+
+    @property
+    def sun(self) -> Distribution:
+        """Far field of the sun part."""
+        return self.far.sun
+
+    @property
+    def sky(self) -> Distribution:
+        """Far field of the sky part."""
+        return self.far.sky
+
+    def field(self, name: Field) -> SunAndSky:
+        """The far or the near field; raises `ConfigError` where there is no near field."""
+        if name == "far":
+            return self.far
+        if self.near is None:
+            raise ConfigError("the prediction has no near field", "give a distance")
+        return self.near
+
+
+def predict(
+    system: System,
+    daylight: Daylight,
+    *,
+    engine: Engine = "tracer",
+    distance_m: float = 0.0,
+    room: Room | None = None,
+    precision: float = 0.01,
+    rays: int = 0,
+    seed: int = 1,
+    max_bounces: int | None = None,
+    threads: int = 0,
+    gamma_deg: Floats = GAMMA_DEG,
+    c_deg: Floats = C_DEG,
+    sampler: Sampler | None = None,
+) -> Prediction:
+    """Predict one system under one daylight.
+
+    Parameters
+    ----------
+    distance_m
+        Of the sensors; 0 predicts the far field alone.
+    room
+        Adds the light that the room's surfaces send to the sensors (needs a distance).
+    precision
+        Relative statistical uncertainty to reach, root mean square over the brighter directions; the rays follow from
+        a pilot run.
+    rays
+        Rays for each part, instead of a precision.
+    max_bounces, seed, threads
+        See `analysis.simulate.tracer.Settings`.
+    c_deg
+        From 0 to 360, both included.
+
+    Raises
+    ------
+    ConfigError
+        For a room without a distance, or sensors outside the room.
+    SimulationError
+        When the engine fails or makes light out of nothing.
+    """
+    if room is not None and distance_m <= 0.0:
+        raise ConfigError("the room's light is what sensors at a distance see", "give a distance")
+    if engine == "radiance":
+        from analysis.simulate.radiance.engine import radiance_prediction
+
+        made = radiance_prediction(system, daylight, distance_m, precision, seed, gamma_deg, c_deg)
+    else:
+        settings = Settings(
+            rays=rays or PILOT, seed=seed, distance_m=distance_m, max_bounces=max_bounces, threads=threads, bounces=1
+        )
+        made = _traced(system, daylight, settings, 0.0 if rays else precision, gamma_deg, c_deg, sampler)
+    return made if room is None else _in_room(made, room)
+
+
+def _traced(
+    system: System,
+    daylight: Daylight,
+    settings: Settings,
+    precision: float,
+    gamma_deg: Floats,
+    c_deg: Floats,
+    sampler: Sampler | None,
+) -> Prediction:
+    facts: dict[str, Any] = {"seed": settings.seed, "max_bounces": settings.max_bounces}
+    tallies: list[Tally | None] = []
+    for name, source in (("sun", sun_source([daylight])), ("sky", sky_source([daylight]))):
+        tally = None if source is None else _enough(system, source, settings, precision, gamma_deg, c_deg, sampler)
+        facts[name] = None if tally is None else dataclasses.asdict(tally.balance)
+        tallies.append(tally)
+    far = _parts(tallies, "far", gamma_deg, c_deg)
+    near = _parts(tallies, "near", gamma_deg, c_deg) if settings.distance_m > 0.0 else None
+    return Prediction(system, daylight, "tracer", far, near, settings.distance_m, facts)
+
+
+def _enough(
+    system: System,
+    source: Source,
+    settings: Settings,
+    precision: float,
+    gamma_deg: Floats,
+    c_deg: Floats,
+    sampler: Sampler | None,
+) -> Tally:
+    """Trace as many rays as the precision needs, by a pilot run's uncertainty (or as many as the settings say)."""
+
+    def sized(rays: int) -> Settings:
+        return dataclasses.replace(settings, rays=rays, sun_samples=int(min(max(rays // 4, 1 << 15), 1 << 20)))
+
+    tally = trace(system, source, sized(settings.rays), sampler)
+    rays = settings.rays
+    for _ in range(2):
+        if precision <= 0.0:
+            break
+        have = _parts([tally, None], "near" if settings.distance_m > 0.0 else "far", gamma_deg, c_deg).worst_relative()
+        if have <= precision or rays >= MOST_RAYS:
+            break
+        rays = int(min(MOST_RAYS, rays * min(400.0, 1.1 * (have / precision) ** 2)))
+        tally = trace(system, source, sized(rays), sampler)
+    return tally
+
+
+def _parts(tallies: list[Tally | None], field: Field, gamma_deg: Floats, c_deg: Floats) -> SunAndSky:
+    if c_deg[0] != 0.0 or c_deg[-1] != 360.0:
+        raise ConfigError(f"C must run from 0 to 360, not from {c_deg[0]:g} to {c_deg[-1]:g}")
+    found: list[Any] = []
+    for tally in tallies:
+        if tally is None:
+            nothing = np.zeros((len(c_deg), len(gamma_deg)))
+            found += [Distribution(gamma_deg, c_deg, nothing), nothing]
+            continue
+        part = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], field)
+        error = np.concatenate([part.uncertainty[0], part.uncertainty[0, :1]])
+        found += [Distribution.closed(gamma_deg, c_deg[:-1], part.candela[0]), error]
+    return SunAndSky(found[0], found[2], found[1], found[3])
+
+
+def _in_room(made: Prediction, room: Room) -> Prediction:
+    assert made.near is not None
+    near = made.near
+    gamma, c = near.sun.gamma_deg, near.sun.c_deg[:-1]
+    aperture = made.system.aperture
+    radius = aperture.diameter_m / 2 if aperture.shape == "disc" else max(aperture.size_m) / 2
+    parts = []
+    for far, seen in ((made.far.sun, near.sun), (made.far.sky, near.sky)):
+        extra = room.added(far, gamma[None, :], c[:, None], made.distance_m, radius)
+        parts.append(Distribution.closed(gamma, c, seen.candela[:-1] + extra))
+    facts = made.facts | {"room": dataclasses.asdict(room)}
+    lit = SunAndSky(parts[0], parts[1], near.sun_uncertainty, near.sky_uncertainty)
+    return dataclasses.replace(made, near=lit, facts=facts)

@@ -1,0 +1,168 @@
+"""What ``labdaq simulate`` does, without the words of its command line."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from labdaq.clock import SystemClock, utc_ns_of, utc_text
+from labdaq.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Job:
+    """The command line's options; see `labdaq.cli.simulate`."""
+
+    system: str
+    out: Path
+    sky: str
+    global_lx: float | None
+    diffuse_lx: float | None
+    sun: str | None
+    time: str | None
+    site: str
+    engine: Literal["tracer", "radiance"]
+    distance: float | None
+    room: str | None
+    no_shields: bool
+    settings: tuple[str, ...]
+    orientation: float | None
+    mirrored: bool
+    isotropic: bool
+    max_bounces: int | None
+    precision: float
+    rays: int | None
+    seed: int
+    threads: int
+    parts: bool
+    name: str
+
+
+def run(job: Job) -> dict[str, Any]:
+    """Predict, write the files, and return the report. Raises a `LabdaqError`."""
+    from analysis.simulate.ies import write_prediction
+    from analysis.simulate.predict import predict
+    from analysis.simulate.tally import Field
+
+    if job.room is not None and job.distance is None:
+        raise ConfigError("--room is what sensors at a distance see", "give --distance")
+    if job.engine == "radiance" and (job.max_bounces is not None or job.isotropic):
+        raise ConfigError("--max-bounces and --isotropic are settings of the tracer", "leave them out, or --engine")
+    made = predict(
+        _system(job),
+        _daylight(job),
+        engine=job.engine,
+        distance_m=job.distance or 0.0,
+        room=_room(job),
+        precision=job.precision,
+        rays=job.rays or 0,
+        seed=job.seed,
+        max_bounces=job.max_bounces,
+        threads=job.threads,
+    )
+    field: Field = "far" if job.distance is None else "near"
+    issued = utc_text(SystemClock().utc_ns())[:10]
+    files = write_prediction(job.out, made, field, issued, parts=job.parts)
+    seen, day = made.field(field), made.daylight
+    peak = np.unravel_index(np.argmax(seen.total.candela), seen.total.candela.shape)
+    sun = {"altitude_deg": day.sun_altitude_deg, "azimuth_deg": day.sun_azimuth_deg} if day.beam_lx > 0.0 else None
+    return {
+        "files": [str(path) for path in files],
+        "system": made.system.name,
+        "engine": made.engine,
+        "field": field,
+        "sun": sun,
+        "global_lx": day.beam_lx + day.diffuse_lx,
+        "diffuse_lx": day.diffuse_lx,
+        "flux_lm": seen.total.flux(),
+        "flux_sun_lm": seen.sun.flux(),
+        "flux_sky_lm": seen.sky.flux(),
+        "peak_cd": float(seen.total.candela[peak]),
+        "peak_gamma_deg": float(seen.total.gamma_deg[peak[1]]),
+        "peak_c_deg": float(seen.total.c_deg[peak[0]]),
+        "uncertainty": seen.worst_relative(),
+        "facts": made.facts,
+    }
+
+
+def _system(job: Job) -> Any:
+    from analysis.simulate.system import find, parse_settings
+    from analysis.simulate.variants import changed
+
+    system = find(job.system).with_settings(parse_settings(job.settings))
+    wishes: dict[str, Any] = {}
+    if job.orientation is not None:
+        wishes["rotation_deg"] = job.orientation
+    if job.mirrored:
+        wishes["mirrored"] = True
+    if job.isotropic:
+        wishes["isotropic"] = True
+    return changed(system, wishes)
+
+
+def _daylight(job: Job) -> Any:
+    from analysis.simulate.daylight import daylight, sky_map
+    from analysis.simulate.source import horizontal_illuminance
+
+    path = Path(job.sky)
+    is_map = path.suffix.lower() in (".hdr", ".pic", ".npz")
+    sky = sky_map(path) if is_map else job.sky
+    diffuse = job.diffuse_lx
+    if diffuse is None:
+        if not is_map:
+            raise ConfigError("--diffuse is missing: a model sky needs an illuminance", "or give a calibrated map")
+        diffuse = horizontal_illuminance(cast(Any, sky))
+    total = diffuse if job.global_lx is None else job.global_lx
+    needs_sun = total > diffuse or job.sky not in ("overcast", "uniform")
+    altitude, azimuth = _sun(job, needed=needs_sun and not (is_map and total <= diffuse))
+    return daylight(altitude, azimuth, total, diffuse, sky, job.name)
+
+
+def _sun(job: Job, needed: bool) -> tuple[float, float]:
+    """Altitude and azimuth [deg] from --sun, or from --time and --site."""
+    if job.sun is not None and job.time is not None:
+        raise ConfigError("--sun and --time both say where the sun is", "leave one out")
+    if job.sun is not None:
+        altitude, azimuth = _numbers("--sun", job.sun, (2,))
+        if not -90.0 <= altitude <= 90.0:
+            raise ConfigError(f"--sun: an altitude of {altitude:g} degrees")
+        return altitude, azimuth
+    if job.time is not None:
+        from analysis.sky.sun import Site, sun_position
+
+        place = _numbers("--site", job.site, (2, 3))
+        seen = sun_position(_utc_ns(job.time), Site(*place))
+        return float(seen.altitude_deg), float(seen.azimuth_deg)
+    if needed:
+        raise ConfigError("where is the sun?", "give --sun ALT,AZ or --time UTC")
+    return 90.0, 0.0
+
+
+def _utc_ns(text: str) -> int:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ConfigError(f"--time: {text!r} is not a time", "write e.g. 2010-07-22T13:12:00Z") from error
+    return utc_ns_of(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
+
+
+def _numbers(option: str, text: str, counts: tuple[int, ...]) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts or not np.all(np.isfinite(values)):
+        raise ConfigError(f"{option}: {text!r} is not {' or '.join(map(str, counts))} numbers with commas between")
+    return values
+
+
+def _room(job: Job) -> Any:
+    if job.room is None:
+        return None
+    from analysis.simulate.room import Room
+
+    wall, *floor = _numbers("--room", job.room, (1, 2))
+    half_angle = 90.0 if job.no_shields else 60.0
+    return Room(wall=wall, ceiling=wall, floor=floor[0] if floor else wall, half_angle_deg=half_angle)

@@ -1,0 +1,111 @@
+"""``labdaq simulate``: the photometry of a skylight under a sky, without a session."""
+
+import functools
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from labdaq.errors import StorageError
+
+_SKIES = "perez, clear, partly-cloudy, overcast, uniform, cie:1 .. cie:15, or a map (.hdr or .npz)"
+
+
+def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from analysis.simulate.system import named, setting_names
+
+        box = named("box")
+        for name in setting_names():
+            click.echo(f"{name} = {functools.reduce(getattr, name.split('.'), box)!r}")
+        context.exit()
+
+
+@click.command("simulate", short_help="Predict the photometry of a skylight.")
+@click.argument("system", metavar="SYSTEM")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="LM-63 file to write (.ies).")
+@click.option("--sky", default="perez", show_default=True, metavar="NAME|MAP", help=_SKIES)
+@click.option("--global", "global_lx", type=click.FloatRange(min=0), help="Global horizontal illuminance [lx].")
+@click.option("--diffuse", "diffuse_lx", type=click.FloatRange(min=0), help="Diffuse horizontal illuminance [lx].")
+@click.option("--sun", metavar="ALT,AZ", help="Sun's altitude and azimuth from north through east [deg].")
+@click.option("--time", metavar="UTC", help="Sun's position from a time instead, e.g. 2010-07-22T13:12:00Z.")
+@click.option(
+    "--site",
+    default="34.2176,-82.1084,180",
+    show_default=True,
+    metavar="LAT,LON,ELEV",
+    help="Site for --time [deg, m].",
+)
+@click.option("--engine", type=click.Choice(["tracer", "radiance"]), default="tracer", show_default=True)
+@click.option(
+    "--distance", type=click.FloatRange(min=0, min_open=True), help="Near field at this distance [m]; else far field."
+)
+@click.option(
+    "--room", metavar="WALL[,FLOOR]", help="Add the light of a room with these reflectances; needs --distance."
+)
+@click.option("--no-shields", is_flag=True, help="Sensors without shields see the whole room (with --room).")
+@click.option(
+    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Change the system, e.g. wall.reflectance=0.9."
+)
+@click.option("--orientation", type=float, help="Turn the pattern of all prismatic lenses [deg, counter-clockwise].")
+@click.option("--mirrored", is_flag=True, help="Mirror the pattern of all prismatic lenses.")
+@click.option("--isotropic", is_flag=True, help="Lenses as an isotropic scatter model sees them.")
+@click.option("--max-bounces", type=click.IntRange(min=0), help="Cut rays after so many wall reflections.")
+@click.option(
+    "--precision",
+    type=click.FloatRange(0.001, 0.5),
+    default=0.01,
+    show_default=True,
+    help="Statistical error to reach.",
+)
+@click.option("--rays", type=click.IntRange(min=1000), help="Rays for each part, instead of a precision.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option("--threads", type=click.IntRange(min=0), default=0, help="Cores to use; all when not given.")
+@click.option("--parts", is_flag=True, help="Also write sun part and sky part apart, as NAME-sun.ies and NAME-sky.ies.")
+@click.option("--name", default="", help="Name of the test in the file.")
+@click.option(
+    "--list-settings",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_settings,
+    help="List what --set can change, with the values of the box, and stop.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object that says what was predicted.")
+def command(out: Path, as_json: bool, **options: Any) -> None:
+    """Predict the luminous intensity distribution of a skylight and write it as an .ies file.
+
+    SYSTEM is top, box, tube, or a TOML file such as
+
+    \b
+        base = "box"
+        well_depth_m = 0.8
+        wall.reflectance = 0.92
+        exit.orientation_deg = 45
+
+    The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
+    illuminance there is no sun.
+    """
+    from labdaq.cli._simulate_job import Job, run
+
+    if out.suffix.lower() != ".ies":
+        raise click.BadParameter("the name of a photometric file ends in .ies", param_hint="--out")
+    if not out.parent.is_dir():
+        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
+    report = run(Job(out=out, **options))
+    click.echo(json.dumps(report) if as_json else _words(report))
+
+
+def _words(report: dict[str, Any]) -> str:
+    lines = [f"{path}" for path in report["files"]]
+    lines.append(
+        f"  {report['system']} ({report['engine']}, {report['field']} field): {report['flux_lm']:.4g} lm, "
+        f"{report['flux_sun_lm']:.4g} of them from the sun; at most {report['peak_cd']:.4g} cd "
+        f"at gamma {report['peak_gamma_deg']:g}, C {report['peak_c_deg']:g}"
+    )
+    sun = report["sun"]
+    where = f"sun at {sun['altitude_deg']:.2f}, {sun['azimuth_deg']:.2f} degrees, " if sun else "no sun, "
+    lines.append(f"  under {where}{report['global_lx']:.5g} lx global, {report['diffuse_lx']:.5g} lx diffuse")
+    lines.append(f"  statistical uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
+    return "\n".join(lines)
