@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulate.store import kept
+from analysis.simulate.store import code_digest, kept
 from analysis.simulate.system import Lens
 
 Floats = NDArray[np.float64]
@@ -104,6 +104,7 @@ def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables
     recipe |= {
         "samples": samples,
         "half": half,
+        "code": code_digest("analysis/bsdf"),
         "version": _VERSION,
         "sampler": f"{sampler.__module__}.{sampler.__qualname__}",
     }

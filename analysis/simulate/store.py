@@ -4,6 +4,7 @@
 whole folder may be deleted at any time.
 """
 
+import functools
 import hashlib
 import json
 import os
@@ -21,6 +22,14 @@ def cache_folder(kind: str) -> Path:
     home = os.environ.get("XDG_CACHE_HOME", "")
     base = Path(home) if Path(home).is_absolute() else Path.home() / ".cache"
     return base / "labdaq" / kind
+
+
+@functools.lru_cache(maxsize=8)
+def code_digest(*folders: str) -> str:
+    """A name for the present code of some of our folders, so that results of older code are not taken for new ones."""
+    home = Path(__file__).resolve().parents[2]
+    files = sorted(path for folder in folders for path in (home / folder).rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
 
 
 def content_key(recipe: Mapping[str, Any]) -> str:

@@ -161,9 +161,11 @@ class Tally:
         variance = np.asarray(sum(part[1] ** 2 for part in parts))
         return Intensity(candela.T.reshape(shape), np.sqrt(variance).T.reshape(shape))
 
-    def by_bounce(self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far") -> Floats:
+    def by_bounce(
+        self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far", smoothing: Smoother | None = None
+    ) -> Floats:
         """Intensity [cd] by number of wall bounces, shape (bounces, T, ...), in fixed neighbourhoods."""
-        use = smoother(gamma_deg, c_deg, self.sides())
+        use = smoothing or smoother(gamma_deg, c_deg, self.sides())
         f = 1 if field == "near" else 0
         total: Any = 0.0
         for hits, operators in ((self.sharp, use.sharp), (self.soft, use.soft)):

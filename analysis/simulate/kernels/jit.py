@@ -5,28 +5,19 @@ old code. So the cache lives in a folder named after the content of all kernel f
 (which may be read-only).
 """
 
-import hashlib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numba
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from analysis.simulate.store import cache_folder
-
-
-def _digest() -> str:
-    here = Path(__file__).parent
-    content = b"".join(path.read_bytes() for path in sorted(here.glob("*.py")))
-    return hashlib.sha256(content + numba.__version__.encode()).hexdigest()[:16]
-
+from analysis.simulate.store import cache_folder, code_digest
 
 F = TypeVar("F", bound=Callable[..., Any])
 A = TypeVar("A")
 
-_FOLDER: Final = cache_folder("numba") / _digest()
+_FOLDER: Final = cache_folder("numba") / f"{code_digest('analysis/simulate/kernels')}-{numba.__version__}"
 
 
 def _compiled(function: F, cache: bool, forceinline: bool) -> F:
