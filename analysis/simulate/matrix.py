@@ -1,7 +1,7 @@
 """A skylight as a matrix: once per system from patches of sky to intensities, then any sky is a product.
 
 Daylight coefficients (Tregenza & Waters 1983, doi:10.1177/096032718301500201) with the aperture's distribution in place
-place of an illuminance: candela towards each outgoing direction per cd/m² of each patch, kept by number of wall
+of an illuminance: candela towards each outgoing direction per cd/m² of each patch, kept by number of wall
 bounces so that wall reflectance and bounce limit stay free. The sun is not in it; see `predict` for that.
 """
 
