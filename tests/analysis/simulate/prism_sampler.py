@@ -84,12 +84,10 @@ def one_ray(dx, dy, dz, from_prisms, n, pitch, thick, tan, blur, absorb):
             sy = (tan if k == 2 else -tan if k == 3 else 0.0) * norm
             rate = dx * sx + dy * sy - dz * norm
             gap = thick * norm - (x * sx + y * sy - z * norm)
-            if rate > 1e-14:
-                if gap / rate < leave:
-                    leave, fl = gap / rate, k
-            elif rate < -1e-14:
-                if gap / rate > enter:
-                    enter, fe = gap / rate, k
+            if rate > 1e-14 and gap / rate < leave:
+                leave, fl = gap / rate, k
+            if rate < -1e-14 and gap / rate > enter:
+                enter, fe = gap / rate, k
         if inside:
             top = -z / dz if dz > 0.0 else 1e30
             t = min(cell_t, leave, top)

@@ -1,0 +1,1 @@
+"""The second engine: Radiance, asked backwards from the aperture."""

@@ -1,0 +1,199 @@
+"""A skylight as a Radiance scene: what the kernels hold in closed form, here as surfaces and materials.
+
+Metres; the aperture in z = 0, the sky above. Mirror walls are ``BRTDfunc`` with a constant reflectance, because
+``metal`` grows brighter at grazing angles. Scattering walls (a spread mirror direction) have no counterpart here.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from analysis.simulate.system import Lens, System, Wall
+from labdaq.errors import SimulationError
+
+_DOME_RINGS, _DOME_SECTORS = 24, 64
+
+
+def scene_text(
+    system: System, lens_files: dict[str, Path], suns: list[tuple[float, float, float]], half_angle_deg: float
+) -> str:
+    """The scene description.
+
+    ``lens_files``: BSDF files of the prismatic lenses by place; ``suns``: unit vectors of suns of this half angle and
+    radiance 1, each under a modifier of its own (``sun0``, ``sun1``, ...), as is the sky (``skyglow``, radiance 1).
+    """
+    lines = []
+    kind = "light {} 0 0 3 1 1 1" if sees_sun_directly(system) else "glow {} 0 0 4 1 1 1 0"
+    for k, (x, y, z) in enumerate(suns):  # before the sky: of distant sources in line a ray meets the first
+        lines.append("void " + kind.format(f"sun{k}"))
+        lines.append(f"sun{k} source disc{k} 0 0 4 {x:.9f} {y:.9f} {z:.9f} {2.0 * half_angle_deg:.6f}")
+    lines += ["void glow skyglow 0 0 4 1 1 1 0", "skyglow source sky 0 0 4 0 0 1 180"]
+    lines += _well(system)
+    lines += _roof(system)
+    lines += _cover(system, lens_files.get("entry"))
+    lines += _exit(system, lens_files.get("exit"))
+    return "\n".join(lines) + "\n"
+
+
+def sees_sun_directly(system: System) -> bool:
+    """Whether the cover scatters, so that Radiance can look from it straight at the sun (a ``light``).
+
+    Through a clear cover the sun's image goes down the mirror well by reflections that only a sampled ray follows; then
+    the sun must be something that a ray may run into (a ``glow``).
+    """
+    return system.entry.kind in ("prismatic", "diffusing")
+
+
+def _wall_material(name: str, wall: Wall) -> str:
+    if wall.scatter_deg > 0.0:
+        raise SimulationError("the Radiance engine has no wall with a spread mirror direction", "use --engine tracer")
+    diffuse = wall.reflectance * wall.lambertian
+    mirror = wall.reflectance - diffuse
+    return (
+        f"void BRTDfunc {name} 10 {mirror:.6f} {mirror:.6f} {mirror:.6f} 0 0 0 0 0 0 . 0 9 "
+        f"{diffuse:.6f} {diffuse:.6f} {diffuse:.6f} {diffuse:.6f} {diffuse:.6f} {diffuse:.6f} 0 0 0"
+    )
+
+
+def _well(system: System) -> Iterator[str]:
+    parts = [("well", system.wall, system.boot_height_m, system.well_depth_m)]
+    if system.boot_height_m > 0.0:
+        parts.append(("boot", system.boot, 0.0, system.boot_height_m))
+    for name, wall, low, high in parts:
+        yield _wall_material(f"{name}_wall", wall)
+        if system.aperture.shape == "disc":
+            radius = system.aperture.diameter_m / 2
+            yield f"{name}_wall tube {name} 0 0 7 0 0 {low:.6f} 0 0 {high:.6f} {radius:.6f}"
+            continue
+        ring = [_turned(system, x, y) for x, y in _corners(system)]
+        for k, (a, b) in enumerate(zip(ring, ring[1:] + ring[:1], strict=True)):
+            yield polygon(f"{name}_wall", f"{name}{k}", [(*b, low), (*a, low), (*a, high), (*b, high)])
+
+
+def _roof(system: System) -> Iterator[str]:
+    """A black roof around the cover: light comes in through the cover alone."""
+    yield "void plastic black 0 0 5 0 0 0 0 0"
+    if system.aperture.shape == "disc":
+        yield f"black ring roof 0 0 8 0 0 {system.well_depth_m:.6f} 0 0 1 {system.aperture.diameter_m / 2:.6f} 20"
+        return
+    inner = _corners(system)
+    for k, (a, b) in enumerate(zip(inner, inner[1:] + inner[:1], strict=True)):
+        far = [(50.0 * x, 50.0 * y) for x, y in (b, a)]
+        points = [_turned(system, x, y) for x, y in (a, b, *far)]
+        yield polygon("black", f"roof{k}", [(x, y, system.well_depth_m) for x, y in points])
+
+
+def _cover(system: System, bsdf: Path | None) -> Iterator[str]:
+    lens = system.entry
+    if lens.kind == "none":
+        return
+    top = system.well_depth_m
+    if system.aperture.shape == "disc":
+        if lens.kind == "prismatic":
+            raise SimulationError("the Radiance engine has no prismatic dome", "use --engine tracer")
+        yield lens_material("entry", lens, None, (0.0, 1.0, 0.0))
+        yield from _dome(system) if system.rise_m > 0.0 else [_disc("entry", system, top, down=True)]
+        return
+    corners = _corners(system)
+    if system.rise_m == 0.0:
+        yield lens_material("entry", lens, bsdf, _up(system, lens, (0.0, 0.0, 1.0)))
+        # a BSDF's z axis, the polygon's normal, runs from the flat side to the prisms
+        flat = [(*_turned(system, x, y), top) for x, y in corners]
+        yield polygon("entry", "cover", flat[::-1] if lens.prisms == "down" else flat)
+        return
+    for k, (a, b) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True)):
+        normal = np.cross(np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([-a[0], -a[1], system.rise_m]))
+        name = f"entry{k}"
+        outward = normal / np.linalg.norm(normal)
+        yield lens_material(name, lens, bsdf, _up(system, lens, (outward[0], outward[1], outward[2])))
+        facet = [(*_turned(system, *a), top), (*_turned(system, *b), top), (0.0, 0.0, top + system.rise_m)]
+        yield polygon(name, f"cover{k}", facet[::-1] if lens.prisms == "down" else facet)
+
+
+def _exit(system: System, bsdf: Path | None) -> Iterator[str]:
+    lens = system.exit
+    if lens.kind == "none":
+        return
+    up_side = lens.prisms == "up"
+    yield lens_material("exit", lens, bsdf, _up(system, lens, (0.0, 0.0, 1.0)))
+    if system.aperture.shape == "disc":
+        yield _disc("exit", system, 0.0, down=not up_side)
+        return
+    corners = [(*_turned(system, x, y), 0.0) for x, y in _corners(system)]
+    yield polygon("exit", "lens", corners if up_side else corners[::-1])
+
+
+def lens_material(name: str, lens: Lens, bsdf: Path | None, up: tuple[float, float, float]) -> str:
+    """A material for a lens: ``glass`` (Fresnel, inter-reflections), a BSDF file, or a diffuser."""
+    if lens.haze > 0.0 or lens.soiling > 0.0 or lens.isotropic:
+        raise SimulationError(
+            "the Radiance engine has no haze, soiling or isotropic lens", "use --engine tracer, or another BSDF"
+        )
+    if lens.kind == "clear":
+        # transmissivity of one straight pass; the material adds path length, Fresnel and inter-reflections
+        pass_ = math.exp(-lens.absorption_per_mm * lens.thickness_mm)
+        return f"void glass {name} 0 0 4 {pass_:.6f} {pass_:.6f} {pass_:.6f} {lens.refractive_index:.6f}"
+    if lens.kind == "diffusing":
+        t, r = lens.transmittance, lens.reflectance
+        return f"void BRTDfunc {name} 10 0 0 0 0 0 0 0 0 0 . 0 9 {r} {r} {r} {r} {r} {r} {t} {t} {t}"
+    if bsdf is None:
+        raise SimulationError(f"{name}: a prismatic lens needs a BSDF file")
+    return f"void BSDF {name} 6 0 {bsdf.name} {up[0]:.9f} {up[1]:.9f} {up[2]:.9f} . 0 0"
+
+
+def polygon(material: str, name: str, points: list[tuple[float, float, float]]) -> str:
+    """One polygon; seen from its normal the points run counter-clockwise."""
+    numbers = " ".join(f"{value:.9f}" for point in points for value in point)
+    return f"{material} polygon {name} 0 0 {3 * len(points)} {numbers}"
+
+
+def _disc(material: str, system: System, z: float, *, down: bool) -> str:
+    normal = "0 0 -1" if down else "0 0 1"
+    return f"{material} ring {material}_disc 0 0 8 0 0 {z:.6f} {normal} 0 {system.aperture.diameter_m / 2:.6f}"
+
+
+def _dome(system: System) -> Iterator[str]:
+    """The spherical cap as flat panes; their number keeps the cap's height to a thousandth."""
+    radius = system.aperture.diameter_m / 2
+    sphere = (radius**2 + system.rise_m**2) / (2.0 * system.rise_m)
+    edge = math.asin(min(1.0, radius / sphere))
+    if system.rise_m > sphere:
+        edge = math.pi - edge
+    rings = [edge * k / _DOME_RINGS for k in range(_DOME_RINGS + 1)]
+    base = system.well_depth_m + system.rise_m - sphere
+
+    def point(polar: float, k: int) -> tuple[float, float, float]:
+        turn = 2.0 * math.pi * k / _DOME_SECTORS
+        ring = sphere * math.sin(polar)
+        return ring * math.cos(turn), ring * math.sin(turn), base + sphere * math.cos(polar)
+
+    for i, (inner, outer) in enumerate(pairwise(rings)):
+        for k in range(_DOME_SECTORS):
+            corners = [point(outer, k), point(outer, k + 1), point(inner, k + 1), point(inner, k)]
+            yield polygon("entry", f"dome{i}_{k}", corners if inner > 0.0 else corners[:3])
+
+
+def _corners(system: System) -> list[tuple[float, float]]:
+    ax, ay = (side / 2 for side in system.aperture.size_m)
+    return [(-ax, -ay), (ax, -ay), (ax, ay), (-ax, ay)]
+
+
+def _turned(system: System, x: float, y: float) -> tuple[float, float]:
+    turn = math.radians(system.rotation_deg)
+    return math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y
+
+
+def _up(system: System, lens: Lens, normal: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The pattern's y axis in space: the world's x laid onto the sheet, a quarter turn on, then turned by the lens."""
+    n = np.array(normal)
+    x = np.array([1.0, 0.0, 0.0])
+    east = x - (x @ n) * n
+    east /= np.linalg.norm(east)
+    turn = math.radians(-lens.orientation_deg if lens.mirrored else lens.orientation_deg)
+    up = math.cos(turn) * np.cross(n, east) - math.sin(turn) * east
+    all_ = math.radians(system.rotation_deg)
+    c, s = math.cos(all_), math.sin(all_)
+    return c * up[0] - s * up[1], s * up[0] + c * up[1], up[2]
