@@ -79,7 +79,8 @@ class Room:
         reach = patches.reach(far)
         sensors = tuple(zip(np.ravel(gamma).tolist(), np.ravel(c).tolist(), strict=True))
         look = _gather(self.size_m, sensors, distance_m, self.half_angle_deg, aperture_m)
-        return (look @ self.exitance(reach) * distance_m**2).reshape(gamma.shape)
+        seen: Floats = look @ self.exitance(reach) * distance_m**2
+        return seen.reshape(gamma.shape)
 
     def exitance(self, direct_lx: Floats) -> Floats:
         """Exitance [lm/m²] of the patches after all bounces, for direct illuminances (patches, ...) [lx]."""
@@ -89,10 +90,9 @@ class Room:
         first: Floats = rho * direct_lx
         total: Floats = first
         for _ in range(200):
-            new: Floats = first + rho * (patches.factors @ total)
-            if np.allclose(new, total, rtol=1e-6, atol=0.0):
-                return new
-            total = new
+            before, total = total, np.asarray(first + rho * (patches.factors @ total))
+            if np.allclose(before, total, rtol=1e-6, atol=0.0):
+                break
         return total
 
 
