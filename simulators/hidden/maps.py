@@ -60,26 +60,30 @@ class Field:
     ----------
     values : shape (R, COARSE, COARSE) [cd]
         Intensity over cos γ for each radius of `RADII_M`: what illuminance times radius² would be.
+    turn_deg
+        The whole distribution is turned by this, counter-clockwise seen from above [deg].
     """
 
     values: Floats
+    turn_deg: float = 0.0
 
-    def intensity(self, directions: Floats, distance_m: float = math.inf) -> Floats:
+    def intensity(self, directions: Floats, distance_m: float | Floats = math.inf) -> Floats:
         """Illuminance times distance² [cd] of sensors that face the centre, towards unit vectors (..., 3).
 
-        Cubic spline over the map; a parabola in 1 / distance through the three radii. 0 above the horizon.
+        Cubic spline over the map; a parabola in 1 / distance through the three radii; ``distance_m`` is one number or
+        one for each direction (...). 0 above the horizon.
         """
         from scipy.ndimage import map_coordinates
 
+        directions = turned(directions, -self.turn_deg)
         at = (to_map(directions) + REACH) * (COARSE / (2.0 * REACH)) - 0.5
         coordinates = np.moveaxis(at, -1, 0).reshape(2, -1)
-        level = sum(
-            w * map_coordinates(self.values[r], coordinates, order=3, mode="nearest")
-            for r, w in enumerate(distance_weights(distance_m))
-            if w != 0.0
-        )
-        cosine = np.maximum(0.0, -directions[..., 2])
-        return np.maximum(0.0, np.asarray(level).reshape(directions.shape[:-1])) * cosine
+        shape = directions.shape[:-1]
+        level = np.zeros(shape)
+        for values, weight in zip(self.values, distance_weights(distance_m), strict=True):
+            if np.any(weight):
+                level += weight * map_coordinates(values, coordinates, order=3, mode="nearest").reshape(shape)
+        return np.maximum(0.0, level) * np.maximum(0.0, -directions[..., 2])
 
     def flux(self) -> float:
         """Flux of the far field [lm]."""
@@ -87,10 +91,21 @@ class Field:
 
     def scaled(self, factor: float) -> "Field":
         """The same light, ``factor`` times as bright."""
-        return Field(self.values * factor)
+        return Field(self.values * factor, self.turn_deg)
 
     def __add__(self, other: "Field") -> "Field":
-        return Field(self.values + other.values)
+        if self.turn_deg != other.turn_deg:
+            raise ValueError("distributions that are turned differently cannot be added")
+        return Field(self.values + other.values, self.turn_deg)
+
+
+def turned(directions: Floats, degrees: float) -> Floats:
+    """Turn vectors (..., 3) about the vertical, counter-clockwise seen from above."""
+    if degrees == 0.0:
+        return directions
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    matrix = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return directions @ matrix.T
 
 
 @cache
@@ -105,15 +120,15 @@ def _projected() -> Floats:
     return cosine.reshape(COARSE, parts, COARSE, parts).mean(axis=(1, 3)) * (2.0 * REACH / COARSE) ** 2
 
 
-def distance_weights(distance_m: float) -> tuple[float, float, float]:
-    """Weights of the three radii for another one: the parabola in 1 / radius through them."""
-    t = 0.0 if math.isinf(distance_m) else 1.0 / distance_m
-    knots = [0.0 if math.isinf(r) else 1.0 / r for r in RADII_M]
-    weights = []
-    for i, a in enumerate(knots):
-        others = [b for k, b in enumerate(knots) if k != i]
-        weights.append((t - others[0]) * (t - others[1]) / ((a - others[0]) * (a - others[1])))
-    return weights[0], weights[1], weights[2]
+def distance_weights(distance_m: float | Floats) -> tuple[Floats, Floats, Floats]:
+    """Weights of the three radii for other ones: the parabola in 1 / radius through them."""
+    t = 1.0 / np.asarray(distance_m, dtype=np.float64)
+    a, b, c = (0.0 if math.isinf(r) else 1.0 / r for r in RADII_M)
+    return (
+        (t - b) * (t - c) / ((a - b) * (a - c)),
+        (t - a) * (t - c) / ((b - a) * (b - c)),
+        (t - a) * (t - b) / ((c - a) * (c - b)),
+    )
 
 
 def node_directions() -> Floats:

@@ -10,14 +10,14 @@ import json
 import os
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.hidden.collect import RADII_M
-from simulators.hidden.maps import COARSE, SMOOTHING_DEG, Field, smooth
+from simulators.hidden.maps import COARSE, SMOOTHING_DEG, Field, smooth, turned
 from simulators.hidden.skylight import Skylight
 from simulators.hidden.symmetry import SkyNodes, apply, sky_nodes, symmetries
 from simulators.hidden.tracer import Answer, trace
@@ -78,37 +78,63 @@ class Response:
         Per traced sun and radius: intensity over cos γ [cd per lx facing the sun].
     ratios : shape (J, N, 2, COARSE, COARSE)
         Ratio to ``base`` in the far field and at the middle radius, for all answers but the nominal, first and second.
+    turn_deg
+        A round skylight may be turned as a whole, counter-clockwise seen from above [deg].
     """
 
     skylight: Skylight
     nodes: SkyNodes
     base: NDArray[np.float32]
     ratios: NDArray[np.float16]
+    turn_deg: float = 0.0
+    _logs: dict[int, NDArray[np.float32]] = field(default_factory=dict, compare=False)
+
+    @property
+    def directions(self) -> Floats:
+        """Unit vectors (n_all, 3) towards the places in the sky that a `sky` is given at."""
+        return turned(self.nodes.directions, self.turn_deg)
 
     def sun(self, direction: Floats) -> Field:
         """Light below for 1 lx of sunlight facing ``direction`` (3,)."""
-        nodes, weights = self.nodes.spline(np.asarray(direction, dtype=np.float64))
-        every = np.zeros(len(self.nodes.where))
-        every[nodes] = weights
-        return self.weighted(every[None])[0]
+        return self.suns(np.asarray(direction, dtype=np.float64)[None], np.ones(1))
+
+    def suns(self, directions: Floats, normal_lx: Floats) -> Field:
+        """Light below for several suns together: unit vectors (k, 3) and illuminances facing them (k,) [lx]."""
+        weights = np.zeros(len(self.nodes.where))
+        for direction, level in zip(turned(directions, -self.turn_deg), normal_lx, strict=True):
+            nodes, share = self.nodes.spline(direction)
+            np.add.at(weights, nodes, share * level)
+        return self.weighted(weights[None])[0]
 
     def sky(self, luminance: Floats) -> list[Field]:
-        """Light below for skies given as luminance at ``nodes.directions``, shape (K, n_all) [cd/m²]."""
+        """Light below for skies given as luminance at `directions`, shape (K, n_all) [cd/m²]."""
         return self.weighted(np.atleast_2d(luminance) * self.nodes.solid_angle)
+
+    def turned(self, degrees: float) -> "Response":
+        """The same skylight turned counter-clockwise, seen from above; only a round one can be."""
+        if degrees and not self.skylight.round:
+            raise ValueError("only a round skylight is the same when it is turned; trace the turned lens instead")
+        return replace(self, turn_deg=self.turn_deg + degrees)
+
+    def blended(self, other: "Response", share: float) -> "Response":
+        """A skylight of which a ``share`` of the area is like ``other``."""
+        base = (1.0 - share) * self.base + share * other.base
+        return replace(self, base=base.astype(np.float32))
 
     def weighted(self, weights: Floats) -> list[Field]:
         """Light below for illuminances (K, n_all) [lx, facing each node] from all nodes together."""
         shape = self.base.shape[1:]
         flat = self.base.reshape(len(self.base), -1)
-        total = np.zeros((len(weights), *shape))
-        for k, g in enumerate(self.nodes.group):
-            mine = self.nodes.turn == k
-            per_seed = np.zeros((len(weights), len(self.base)), dtype=np.float32)
-            np.add.at(per_seed.T, self.nodes.seed[mine], weights[:, mine].T.astype(np.float32))
-            used = np.flatnonzero(per_seed.any(axis=0))
-            if len(used):
-                total += apply(g, (per_seed[:, used] @ flat[used]).reshape(-1, *shape))
-        return [Field(values) for values in total]
+        group = self.nodes.group
+        per_seed = np.zeros((len(group), len(weights), len(self.base)), dtype=np.float32)
+        np.add.at(per_seed, (self.nodes.turn, slice(None), self.nodes.seed), weights.T.astype(np.float32))
+        rows = per_seed.reshape(-1, len(self.base))
+        used = np.flatnonzero(rows.any(axis=0))
+        if len(used) < len(flat) // 2:
+            rows, flat = rows[:, used], flat[used]
+        parts = (rows @ flat).reshape(len(group), len(weights), *shape)
+        total = sum((apply(g, part) for g, part in zip(group, parts, strict=True)), start=np.zeros(shape))
+        return [Field(values, self.turn_deg) for values in total]
 
     def with_answer(self, answer: Answer) -> "Response":
         """The response with an answer applied, by interpolation between those that were traced."""
@@ -119,7 +145,7 @@ class Response:
         base = self.base * np.stack([factor[:, 0], near, near], axis=1)
         return replace(self, base=base.astype(np.float32))
 
-    def _factor(self, answer: Answer) -> Floats | None:
+    def _factor(self, answer: Answer) -> NDArray[np.float32] | None:
         """Ratio (N, 2, COARSE, COARSE) of an answer to the nominal response; None where nothing changes."""
         parts = []
         nominal = self.skylight.wall_reflectance
@@ -137,30 +163,39 @@ class Response:
         if answer.wall_scatter:
             if self.skylight.wall_finish != "specular":
                 raise ValueError("only a specular wall can begin to scatter")
-            parts.append(_curve(SHARES, [self._log(after), self._log(after + 1)], answer.wall_scatter))
+            parts.append(self._shared(after, answer.wall_scatter))
         if answer.haze:
             after += 2 if self.skylight.wall_finish == "specular" else 0
-            parts.append(_curve(SHARES, [self._log(after), self._log(after + 1)], answer.haze))
-        return np.exp(np.clip(sum(parts), -12.0, 4.0)) if parts else None
+            parts.append(self._shared(after, answer.haze))
+        return np.exp(np.clip(np.sum(parts, axis=0), -12.0, 4.0)) if parts else None
 
-    def _log(self, index: int) -> Floats:
-        return np.log(np.maximum(self.ratios[index].astype(np.float32), 1e-4))  # type: ignore[no-any-return]
+    def _log(self, index: int) -> NDArray[np.float32]:
+        if index not in self._logs:
+            self._logs[index] = np.log(np.maximum(self.ratios[index].astype(np.float32), 1e-4))
+        return self._logs[index]
 
-    def _limited(self, limit: int) -> Floats:
+    def _shared(self, index: int, share: float) -> NDArray[np.float32]:
+        """Logarithm of the ratio for a share of scattered light: the ratio itself is nearly a parabola in it."""
+        changes = [self.ratios[index + k].astype(np.float32) - np.float32(1.0) for k in range(len(SHARES))]
+        return np.log(np.maximum(1.0 + _curve(SHARES, changes, share), np.float32(0.02)))
+
+    def _limited(self, limit: int) -> NDArray[np.float32]:
         if limit not in LIMITS:
             raise ValueError(f"bounce limits that were traced: {LIMITS}, not {limit}")
         return self._log(3 + LIMITS.index(limit))
 
 
-def _curve(knots: tuple[float, ...] | list[float], logs: list[Floats], at: float) -> Floats:
+def _curve(
+    knots: tuple[float, ...] | list[float], values: list[NDArray[np.float32]], at: float
+) -> NDArray[np.float32]:
     """Polynomial through (0, 0) and the knots, at ``at``."""
-    total = np.zeros_like(logs[0])
-    for i, (knot, log) in enumerate(zip(knots, logs, strict=True)):
+    total = np.zeros_like(values[0])
+    for i, (knot, value) in enumerate(zip(knots, values, strict=True)):
         weight = at / knot
         for k, other in enumerate(knots):
             if k != i:
                 weight *= (at - other) / (knot - other)
-        total += np.float32(weight) * log
+        total += np.float32(weight) * value
     return total
 
 

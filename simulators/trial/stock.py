@@ -65,3 +65,7 @@ class Wanted:
         if self.isotropic:
             skylight = isotropic(skylight)
         return skylight.turned(self.turned_deg) if self.turned_deg else skylight
+
+
+TURNED: Final[dict[str, tuple[float, ...]]] = {}
+"""Designs that are not round, of which responses with a turned lens exist, and the turns [deg]."""
