@@ -3,19 +3,21 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.trial.station import Station, World
-
 Floats = NDArray[np.float64]
+W = TypeVar("W")
+"""What is concealed in a kind of station, and in its simulation."""
+
 Parameters = dict[str, tuple[float, str]]
 """Name to value and unit."""
 
 
 @dataclass(frozen=True)
-class Dial:
+class Dial(Generic[W]):
     """One cause that can be concealed.
 
     Attributes
@@ -40,7 +42,7 @@ class Dial:
 
     id: str
     stage: str
-    apply: Callable[[World, float], World]
+    apply: Callable[[W, float], W]
     report: Callable[[float], Parameters]
     choices: tuple[float, ...] = ()
     systems: tuple[str, ...] = ()
@@ -49,57 +51,60 @@ class Dial:
     notes: dict[str, object] = field(default_factory=dict)
 
 
-def change(with_it: list[Floats], without: list[Floats], floor: float) -> float:
-    """Effect: rms relative change over all readings with a free gain per test removed [1].
+class Bench(Protocol[W]):
+    """A station under any world, as far as dials need to know it."""
 
-    Relative to the mean of both plus the readings' floor, so that readings next to nothing do not count.
-    """
-    parts = []
-    for a, b in zip(with_it, without, strict=True):
-        relative = (a - b) / (0.5 * (np.abs(a) + np.abs(b)) + floor)
-        parts.append(relative - np.mean(relative))
+    @property
+    def floor(self) -> float:
+        """Floor of the readings, in their unit."""
+        ...
+
+    @property
+    def free_gain(self) -> bool:
+        """Whether every test has a gain of its own that nobody knows."""
+        ...
+
+    def outcome(self, world: W, simulated: bool) -> list[Floats]:
+        """Noise-free readings of every test, or what the simulation predicts for them."""
+        ...
+
+
+def relative(with_it: Floats, without: Floats, floor: float) -> Floats:
+    """Change relative to the mean of both plus the readings' floor, so that readings of next to nothing do not count."""
+    return (with_it - without) / (0.5 * (np.abs(with_it) + np.abs(without)) + floor)
+
+
+def rms_change(with_it: list[Floats], without: list[Floats], floor: float, free_gain: bool) -> float:
+    """Rms relative change over all readings, with a free gain per test removed if there is one [1]."""
+    parts = [relative(a, b, floor) for a, b in zip(with_it, without, strict=True)]
+    if free_gain:
+        parts = [part - np.mean(part) for part in parts]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def raw_change(with_it: list[Floats], without: list[Floats], floor: float) -> float:
-    """The same without removing a gain [1]."""
-    parts = [(a - b) / (0.5 * (np.abs(a) + np.abs(b)) + floor) for a, b in zip(with_it, without, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-
-
-def floor_cd(station: Station) -> float:
-    """Floor of the readings [cd]."""
-    return station.campaign.care.floor_lx * station.campaign.distance_m**2
-
-
-def effect(station: Station, dial: Dial, setting: float, base: World | None = None) -> float:
+def effect(bench: Bench[W], dial: Dial[W], setting: float, base: W, free_gain: bool | None = None) -> float:
     """What a dial does to the readings, or to the predictions where the simulation is at fault [1]."""
-    base = base or World()
-    on, off = dial.apply(base, setting), dial.apply(base, 0.0)
-    if dial.on_simulation:
-        total = [[sun + sky for sun, sky in station.predict(w.flaws)] for w in (on, off)]
-    else:
-        total = [station.read(w) for w in (on, off)]
-    return change(total[0], total[1], floor_cd(station))
+    on, off = (bench.outcome(dial.apply(base, x), dial.on_simulation) for x in (setting, 0.0))
+    return rms_change(on, off, bench.floor, bench.free_gain if free_gain is None else free_gain)
 
 
-def setting_for(station: Station, dial: Dial, wanted: float) -> tuple[float, float]:
+def setting_for(bench: Bench[W], dial: Dial[W], wanted: float, base: W) -> tuple[float, float]:
     """Find the setting whose effect is ``wanted``, and return it with its effect.
 
     Smooth dials by regula falsi on logarithms (effects grow nearly as powers of the setting), others by trying all.
     """
     if dial.choices:
-        found = [(choice, effect(station, dial, choice)) for choice in dial.choices]
+        found = [(choice, effect(bench, dial, choice, base)) for choice in dial.choices]
         return min(found, key=lambda pair: abs(math.log(max(pair[1], 1e-9) / wanted)))
-    high, at_high = 1.0, effect(station, dial, 1.0)
+    high, at_high = 1.0, effect(bench, dial, 1.0, base)
     if at_high <= wanted:
         return high, at_high
-    setting = max(1e-4, wanted / at_high)
+    setting, reached = max(1e-4, wanted / at_high), 0.0
     low, at_low = 0.0, 0.0
     for _ in range(6):
-        reached = effect(station, dial, setting)
+        reached = effect(bench, dial, setting, base)
         if abs(reached / wanted - 1.0) < 0.08:
-            return setting, reached
+            break
         if reached > wanted:
             high, at_high = setting, reached
         else:
@@ -110,4 +115,4 @@ def setting_for(station: Station, dial: Dial, wanted: float) -> tuple[float, flo
             setting = min(max(guess, low + 0.05 * (high - low)), high - 0.05 * (high - low))
         else:
             setting = max(high * wanted / at_high, 0.02 * high)
-    return setting, reached
+    return setting, effect(bench, dial, setting, base)

@@ -14,16 +14,16 @@ from simulators.trial import gonio_optics as optics
 from simulators.trial import gonio_room as room
 from simulators.trial import gonio_source as source
 from simulators.trial.campaign import Campaign, Test
-from simulators.trial.dials import Dial, change, floor_cd, raw_change, setting_for
+from simulators.trial.dials import relative, rms_change, setting_for
 from simulators.trial.gonio_files import Written, case_files
 from simulators.trial.made import Made, Order
 from simulators.trial.shelf import Shelf
-from simulators.trial.station import Flaws, Station, World
+from simulators.trial.station import Flaws, GonioDial, Station, World
 from simulators.trial.stock import DESIGNS, TURNED
 from simulators.trial.truth import Concealed, Truth
 
 Floats = NDArray[np.float64]
-Maker = Callable[[np.random.Generator, Station], Dial | None]
+Maker = Callable[[np.random.Generator, Station], GonioDial | None]
 
 INSIDE: Final[dict[str, Maker]] = {
     "sky-sun-ratio": source.sky_sun_ratio,
@@ -78,7 +78,7 @@ EQUIVALENTS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
 class _Laid:
     """A dial laid over a world at a setting."""
 
-    dial: Dial
+    dial: GonioDial
     setting: float
     effect: float
 
@@ -110,7 +110,7 @@ def _lay(order: Order, station: Station, rng: np.random.Generator) -> list[_Laid
         dial = (INSIDE.get(name) or OUTSIDE[name])(rng, station)
         if dial is None:
             return None
-        setting, reached = setting_for(station, dial, wanted)
+        setting, reached = setting_for(station, dial, wanted, World())
         if reached < 5e-4:
             return None
         laid.append(_Laid(dial, setting, reached))
@@ -122,8 +122,8 @@ def _base(order: Order, station: Station, rng: np.random.Generator) -> World:
     world = World()
     if "near-field" not in order.conceal and station.campaign.distance_m > 4.0:
         far = World(flaws=Flaws(far=True))
-        near, distant = ([s + k for s, k in station.predict(w.flaws)] for w in (world, far))
-        if change(distant, near, floor_cd(station)) < 0.0025:
+        near, distant = (station.outcome(w, simulated=True) for w in (world, far))
+        if rms_change(distant, near, station.floor, free_gain=True) < 0.0025:
             world = far
     if rng.random() < 0.08 and not {"room-interreflection", "bright-panel"} & set(order.conceal):
         wall, floor = float(rng.uniform(0.03, 0.08)), float(rng.uniform(0.01, 0.05))
@@ -141,8 +141,7 @@ def _made(order: Order, station: Station, laid: list[_Laid], rng: np.random.Gene
         sound = one.dial.apply(sound, 0.0)
     clean, predicted = station.read(world), station.predict(world.flaws)
     plain = [sun + sky for sun, sky in predicted]
-    floor = floor_cd(station)
-    honest = [sun + sky for sun, sky in station.predict(base.flaws)]
+    honest = station.outcome(base, simulated=True)
     unspoilt = station.read(base)
     measured = _noisy(station, clean, rng)
     kept, withheld = _withhold(order, station.campaign, rng)
@@ -151,7 +150,7 @@ def _made(order: Order, station: Station, laid: list[_Laid], rng: np.random.Gene
     if withheld:
         out_files = case_files(station, world, Written(measured, predicted), withheld, order, rng, measured_too=False)
     per_record = _relative(station, world, sound)
-    concealed = tuple(_told(station, one, base, floor) for one in laid)
+    concealed = tuple(_told(station, one, base) for one in laid)
     total = 0.0
     if laid:
         total = float(np.sqrt(np.mean(np.concatenate(per_record) ** 2)))
@@ -162,10 +161,10 @@ def _made(order: Order, station: Station, laid: list[_Laid], rng: np.random.Gene
         content=order.content,
         concealed=concealed,
         effect_percent=100.0 * total,
-        mismatch_percent=100.0 * change(clean, plain, floor),
-        nuisance_percent=100.0 * change(unspoilt, honest, floor),
+        mismatch_percent=100.0 * rms_change(clean, plain, station.floor, free_gain=True),
+        nuisance_percent=100.0 * rms_change(unspoilt, honest, station.floor, free_gain=True),
         free_gain=True,
-        floor=floor,
+        floor=station.floor,
         clean=tuple(np.concatenate([clean[k] for k in kept])),
         change=tuple(np.concatenate([per_record[k] for k in kept])),
         withheld_clean=tuple(np.concatenate([clean[k] for k in withheld])) if withheld else (),
@@ -177,34 +176,24 @@ def _made(order: Order, station: Station, laid: list[_Laid], rng: np.random.Gene
 
 def _relative(station: Station, world: World, sound: World) -> list[Floats]:
     """Relative change of every reading's mismatch by what is concealed, gain per test removed."""
-    floor = floor_cd(station)
     result = []
-    pairs = zip(
-        station.read(world), station.predict(world.flaws), station.read(sound), station.predict(sound.flaws),
-        strict=True,
-    )
-    for clean, (sun, sky), clean0, (sun0, sky0) in pairs:
-        measured = (clean - clean0) / (0.5 * (np.abs(clean) + np.abs(clean0)) + floor)
-        simulated = (sun + sky - sun0 - sky0) / (0.5 * (sun + sky + sun0 + sky0) + floor)
-        difference = measured - simulated
+    on, off = ([station.outcome(w, simulated) for simulated in (False, True)] for w in (world, sound))
+    for read, told, read0, told0 in zip(*on, *off, strict=True):
+        difference = relative(read, read0, station.floor) - relative(told, told0, station.floor)
         result.append(difference - np.mean(difference))
     return result
 
 
-def _told(station: Station, one: _Laid, base: World, floor: float) -> Concealed:
+def _told(station: Station, one: _Laid, base: World) -> Concealed:
     dial = one.dial
-    on, off = dial.apply(base, one.setting), dial.apply(base, 0.0)
-    if dial.on_simulation:
-        pair = [[s + k for s, k in station.predict(w.flaws)] for w in (on, off)]
-    else:
-        pair = [station.read(w) for w in (on, off)]
+    on, off = (station.outcome(dial.apply(base, x), dial.on_simulation) for x in (one.setting, 0.0))
     same = EQUIVALENTS.get((dial.id, str(dial.notes.get("form", ""))), ())
     return Concealed(
         id=dial.id,
         stage=dial.stage,
         inside=dial.inside,
-        effect_percent=100.0 * one.effect,
-        raw_percent=100.0 * raw_change(pair[0], pair[1], floor),
+        effect_percent=100.0 * rms_change(on, off, station.floor, free_gain=True),
+        raw_percent=100.0 * rms_change(on, off, station.floor, free_gain=False),
         parameters=dial.report(one.setting),
         systems=dial.systems,
         equivalents=same,

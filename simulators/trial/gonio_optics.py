@@ -8,8 +8,8 @@ import numpy as np
 from simulators.hidden.effects import OpticsFaults
 from simulators.hidden.responses import LIMITS
 from simulators.hidden.skylight import Defect
-from simulators.trial.dials import Dial, Parameters
-from simulators.trial.station import Flaws, Station, World
+from simulators.trial.dials import Parameters
+from simulators.trial.station import Flaws, GonioDial, Station, World
 from simulators.trial.stock import DESIGNS, TURNED
 
 
@@ -48,19 +48,19 @@ def _specular(station: Station) -> list[str]:
     return [s for s in used(station) if DESIGNS[station.campaign.systems[s]].wall_finish == "specular"]
 
 
-def lens_haze(rng: np.random.Generator, station: Station) -> Dial | None:
+def lens_haze(rng: np.random.Generator, station: Station) -> GonioDial | None:
     """The sheets scatter a share of what passes; a dome can be hazed as well."""
     systems = some(rng, used(station))
 
     def haze(o: OpticsFaults, x: float) -> OpticsFaults:
         return replace(o, answer=replace(o.answer, haze=0.16 * x))
 
-    return Dial(
+    return GonioDial(
         "lens-haze", "optics", with_optics(systems, haze), lambda x: {"haze": (0.16 * x, "1")}, systems=systems
     )
 
 
-def soiling(rng: np.random.Generator, station: Station) -> Dial:
+def soiling(rng: np.random.Generator, station: Station) -> GonioDial:
     """Dirt on the cover takes light, more at a slant."""
     systems = some(rng, used(station))
 
@@ -70,10 +70,10 @@ def soiling(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {"optical_depth": (0.8 * x, "1"), "loss_at_normal": (1.0 - float(np.exp(-0.8 * x)), "1")}
 
-    return Dial("soiling", "optics", with_optics(systems, dirt), report, systems=systems)
+    return GonioDial("soiling", "optics", with_optics(systems, dirt), report, systems=systems)
 
 
-def lens_anisotropy(rng: np.random.Generator, station: Station) -> Dial:
+def lens_anisotropy(rng: np.random.Generator, station: Station) -> GonioDial:
     """The simulation's lenses know no directions in their plane; the real ones do, in part or wholly."""
     systems = tuple(used(station))
 
@@ -81,10 +81,10 @@ def lens_anisotropy(rng: np.random.Generator, station: Station) -> Dial:
         world = with_optics(systems, lambda o, _: replace(o, aligned=x))(world, x)
         return replace(world, flaws=replace(world.flaws, isotropic=True))
 
-    return Dial("lens-anisotropy", "optics", apply, lambda x: {"weight": (x, "1")}, systems=systems)
+    return GonioDial("lens-anisotropy", "optics", apply, lambda x: {"weight": (x, "1")}, systems=systems)
 
 
-def lens_orientation(rng: np.random.Generator, station: Station) -> Dial | None:
+def lens_orientation(rng: np.random.Generator, station: Station) -> GonioDial | None:
     """The pattern is turned, or mirrored where the nominal pattern is turned itself."""
     campaign = station.campaign
     tubes = [s for s in used(station) if DESIGNS[campaign.systems[s]].round]
@@ -101,7 +101,7 @@ def lens_orientation(rng: np.random.Generator, station: Station) -> Dial | None:
                 return {"mirrored": (1.0, "1"), "rotation_deg": (_shortest(-2.0 * nominal), "deg")}
 
             apply = with_optics((system,), mirror)
-            return Dial("lens-orientation", "optics", apply, mirrored, choices=(1.0,), systems=(system,))
+            return GonioDial("lens-orientation", "optics", apply, mirrored, choices=(1.0,), systems=(system,))
         sign = float(rng.choice([-1.0, 1.0]))
 
         def turn(o: OpticsFaults, x: float) -> OpticsFaults:
@@ -110,7 +110,7 @@ def lens_orientation(rng: np.random.Generator, station: Station) -> Dial | None:
         def angle(x: float) -> Parameters:
             return {"rotation_deg": (sign * 45.0 * x, "deg")}
 
-        return Dial("lens-orientation", "optics", with_optics((system,), turn), angle, systems=(system,))
+        return GonioDial("lens-orientation", "optics", with_optics((system,), turn), angle, systems=(system,))
     if not turned:
         return None
     system = str(rng.choice(turned))
@@ -121,7 +121,7 @@ def lens_orientation(rng: np.random.Generator, station: Station) -> Dial | None:
 
     apply = with_optics((system,), lambda o, x: replace(o, turn_deg=step(x)))
     choices = tuple((k + 0.5) / len(steps) for k in range(len(steps)))
-    return Dial(
+    return GonioDial(
         "lens-orientation", "optics", apply, lambda x: {"rotation_deg": (step(x), "deg")}, choices, (system,)
     )
 
@@ -131,7 +131,7 @@ def _shortest(degrees: float) -> float:
     return (degrees + 45.0) % 90.0 - 45.0
 
 
-def wall_reflectance(rng: np.random.Generator, station: Station) -> Dial:
+def wall_reflectance(rng: np.random.Generator, station: Station) -> GonioDial:
     """The wall of the well or tube reflects less, seldom more, than was assumed."""
     systems = some(rng, used(station))
     nominal = {s: DESIGNS[station.campaign.systems[s]].wall_reflectance for s in systems}
@@ -155,10 +155,10 @@ def wall_reflectance(rng: np.random.Generator, station: Station) -> Dial:
         found["wall_reflectance"] = (value(systems[0], x), "1")
         return found
 
-    return Dial("wall-reflectance", "well", apply, report, systems=systems)
+    return GonioDial("wall-reflectance", "well", apply, report, systems=systems)
 
 
-def bounce_truncation(rng: np.random.Generator, station: Station) -> Dial:
+def bounce_truncation(rng: np.random.Generator, station: Station) -> GonioDial:
     """The simulation follows light for a limited number of reflections on the wall."""
 
     def limit(x: float) -> int:
@@ -166,13 +166,13 @@ def bounce_truncation(rng: np.random.Generator, station: Station) -> Dial:
 
     apply = with_flaws(lambda f, x: replace(f, max_bounces=limit(x)))
     choices = tuple((k + 0.5) / len(LIMITS) for k in range(len(LIMITS)))
-    return Dial(
+    return GonioDial(
         "bounce-truncation", "well", apply, lambda x: {"max_bounces": (float(limit(x)), "1")}, choices,
         on_simulation=True,
     )
 
 
-def wall_scatter(rng: np.random.Generator, station: Station) -> Dial | None:
+def wall_scatter(rng: np.random.Generator, station: Station) -> GonioDial | None:
     """A share of the reflections on a specular wall scatters."""
     names = _specular(station)
     if not names:
@@ -182,23 +182,23 @@ def wall_scatter(rng: np.random.Generator, station: Station) -> Dial | None:
     def scatter(o: OpticsFaults, x: float) -> OpticsFaults:
         return replace(o, answer=replace(o.answer, wall_scatter=0.16 * x))
 
-    return Dial(
+    return GonioDial(
         "wall-scatter", "well", with_optics(systems, scatter), lambda x: {"scattered_share": (0.16 * x, "1")},
         systems=systems,
     )
 
 
-def near_field(rng: np.random.Generator, station: Station) -> Dial:
+def near_field(rng: np.random.Generator, station: Station) -> GonioDial:
     """The simulation predicts the far field; the campaign's distance decides how much that matters."""
     apply = with_flaws(lambda f, x: replace(f, far=x > 0.0))
     distance = station.campaign.distance_m
-    return Dial(
+    return GonioDial(
         "near-field", "goniometer", apply, lambda x: {"weight": (1.0, "1"), "distance_m": (distance, "m")}, (1.0,),
         on_simulation=True,
     )
 
 
-def broken_cover(rng: np.random.Generator, station: Station) -> Dial:
+def broken_cover(rng: np.random.Generator, station: Station) -> GonioDial:
     """A sector of the cover is dirty or fogged, or a strip of wall is missing (outside the catalogue)."""
     systems = some(rng, used(station))
     kind = str(rng.choice(["dirt-wedge", "fogged-sector", "well-gap"]))
@@ -213,4 +213,4 @@ def broken_cover(rng: np.random.Generator, station: Station) -> Dial:
         return replace(o, defect=defect, defect_share=x, fogged=kind == "fogged-sector")
 
     apply = with_optics(systems, broken)
-    return Dial(kind, "optics", apply, lambda x: {"share": (x, "1")}, systems=systems, inside=False)
+    return GonioDial(kind, "optics", apply, lambda x: {"share": (x, "1")}, systems=systems, inside=False)

@@ -10,8 +10,8 @@ from simulators.hidden.arm import ArmFaults
 from simulators.hidden.bench import RoomFaults, Spot
 from simulators.hidden.heads import HeadFaults
 from simulators.hidden.room import Panel
-from simulators.trial.dials import Dial, Parameters
-from simulators.trial.station import Station, World
+from simulators.trial.dials import Parameters
+from simulators.trial.station import GonioDial, Station, World
 
 
 def with_room(change: Callable[[RoomFaults, float], RoomFaults]) -> Callable[[World, float], World]:
@@ -43,7 +43,7 @@ def _typical_lx(station: Station) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(values, 1e-3)))))
 
 
-def room_interreflection(rng: np.random.Generator, station: Station) -> Dial:
+def room_interreflection(rng: np.random.Generator, station: Station) -> GonioDial:
     """Walls, floor and ceiling give light back."""
     floor, ceiling = float(rng.uniform(0.2, 1.2)), float(rng.choice([1.0, 1.0, 0.5]))
 
@@ -57,10 +57,10 @@ def room_interreflection(rng: np.random.Generator, station: Station) -> Dial:
             "ceiling_reflectance": (0.3 * x * ceiling, "1"),
         }
 
-    return Dial("room-interreflection", "room", with_room(painted), report)
+    return GonioDial("room-interreflection", "room", with_room(painted), report)
 
 
-def stray_light(rng: np.random.Generator, station: Station) -> Dial:
+def stray_light(rng: np.random.Generator, station: Station) -> GonioDial:
     """Light that does not come through the skylight: steady, or leaking in from outdoors."""
     typical = _typical_lx(station)
     if rng.random() < 0.5:
@@ -71,7 +71,7 @@ def stray_light(rng: np.random.Generator, station: Station) -> Dial:
             return {"illuminance_lx": (most * x, "lx"), "intensity_cd": (most * x * area, "cd")}
 
         apply = with_room(lambda r, x: replace(r, stray_lx=most * x))
-        return Dial("stray-light", "room", apply, report, notes={"form": "steady"})
+        return GonioDial("stray-light", "room", apply, report, notes={"form": "steady"})
     outdoors = float(np.mean([t.global_lx for t in station.campaign.tests]))
     most, towards = 3.0 * typical / outdoors, float(rng.uniform(0, 360))
 
@@ -79,30 +79,30 @@ def stray_light(rng: np.random.Generator, station: Station) -> Dial:
         return {"illuminance_lx": (0.5 * most * x * outdoors, "lx"), "leak": (most * x, "1"), "c_deg": (towards, "deg")}
 
     apply = with_room(lambda r, x: replace(r, leak=most * x, leak_c_deg=towards))
-    return Dial("stray-light", "room", apply, leak, notes={"form": "leak"})
+    return GonioDial("stray-light", "room", apply, leak, notes={"form": "leak"})
 
 
-def gamma_offset(rng: np.random.Generator, station: Station) -> Dial:
+def gamma_offset(rng: np.random.Generator, station: Station) -> GonioDial:
     """The arm's vertical zero is off."""
     most = _sign(rng) * 4.0
     apply = with_arm(lambda a, x: replace(a, gamma_offset_deg=most * x))
-    return Dial("gamma-offset", "goniometer", apply, lambda x: {"offset_deg": (most * x, "deg")})
+    return GonioDial("gamma-offset", "goniometer", apply, lambda x: {"offset_deg": (most * x, "deg")})
 
 
-def c_offset(rng: np.random.Generator, station: Station) -> Dial:
+def c_offset(rng: np.random.Generator, station: Station) -> GonioDial:
     """North is not where the arm thinks."""
     most = _sign(rng) * 15.0
     apply = with_arm(lambda a, x: replace(a, c_offset_deg=most * x))
-    return Dial("c-offset", "goniometer", apply, lambda x: {"offset_deg": (most * x, "deg")})
+    return GonioDial("c-offset", "goniometer", apply, lambda x: {"offset_deg": (most * x, "deg")})
 
 
-def c_handedness(rng: np.random.Generator, station: Station) -> Dial:
+def c_handedness(rng: np.random.Generator, station: Station) -> GonioDial:
     """The arm turns the other way round."""
     apply = with_arm(lambda a, x: replace(a, mirrored=x > 0.0))
-    return Dial("c-handedness", "goniometer", apply, lambda x: {"mirrored": (1.0, "1")}, (1.0,))
+    return GonioDial("c-handedness", "goniometer", apply, lambda x: {"mirrored": (1.0, "1")}, (1.0,))
 
 
-def channel_swap(rng: np.random.Generator, station: Station) -> Dial:
+def channel_swap(rng: np.random.Generator, station: Station) -> GonioDial:
     """Two sensors answer to each other's name."""
     n = len(station.campaign.gammas_deg)
     pairs = [(int(a), int(a + d)) for a in rng.permutation(n - 1)[:5] for d in (1,)]
@@ -120,10 +120,10 @@ def channel_swap(rng: np.random.Generator, station: Station) -> Dial:
 
     apply = with_arm(lambda arm, x: replace(arm, swapped=pair(x) if x > 0.0 else None))
     choices = tuple((k + 0.5) / len(pairs) for k in range(len(pairs)))
-    return Dial("channel-swap", "goniometer", apply, report, choices)
+    return GonioDial("channel-swap", "goniometer", apply, report, choices)
 
 
-def dark_offset(rng: np.random.Generator, station: Station) -> Dial:
+def dark_offset(rng: np.random.Generator, station: Station) -> GonioDial:
     """The electronics read something in the dark."""
     most = 2.0 * _typical_lx(station) if rng.random() < 0.7 else -0.3 * _typical_lx(station)
     area = station.campaign.distance_m**2
@@ -131,10 +131,10 @@ def dark_offset(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {"offset_lx": (most * x, "lx"), "offset_cd": (most * x * area, "cd")}
 
-    return Dial("dark-offset", "sensors", with_heads(lambda h, x: replace(h, dark_lx=most * x)), report)
+    return GonioDial("dark-offset", "sensors", with_heads(lambda h, x: replace(h, dark_lx=most * x)), report)
 
 
-def nonlinearity(rng: np.random.Generator, station: Station) -> Dial:
+def nonlinearity(rng: np.random.Generator, station: Station) -> GonioDial:
     """The heads are not proportional: a power, a parabola, or gain steps."""
     form = str(rng.choice(["power", "power", "parabola", "ranges"]))
     most = _sign(rng) * {"power": 0.12, "parabola": 0.6, "ranges": 0.08}[form]
@@ -150,10 +150,10 @@ def nonlinearity(rng: np.random.Generator, station: Station) -> Dial:
             found["exponent"] = (most * x, "1")
         return found
 
-    return Dial("nonlinearity", "sensors", with_heads(bend), report, notes={"form": form})
+    return GonioDial("nonlinearity", "sensors", with_heads(bend), report, notes={"form": form})
 
 
-def saturation(rng: np.random.Generator, station: Station) -> Dial:
+def saturation(rng: np.random.Generator, station: Station) -> GonioDial:
     """The heads' range ends, gently or hard."""
     form = str(rng.choice(["soft", "exponential", "clip", "knee"]))
     brightest = _brightest_lx(station)
@@ -171,10 +171,10 @@ def saturation(rng: np.random.Generator, station: Station) -> Dial:
         return {"level_lx": (level(x), "lx"), "level_cd": (level(x) * area, "cd"), "loss_at_brightest": (loss, "1")}
 
     apply = with_heads(lambda h, x: replace(h, end_lx=level(x), end_form=form))
-    return Dial("saturation", "sensors", apply, report, notes={"form": form})
+    return GonioDial("saturation", "sensors", apply, report, notes={"form": form})
 
 
-def cosine_response(rng: np.random.Generator, station: Station) -> Dial:
+def cosine_response(rng: np.random.Generator, station: Station) -> GonioDial:
     """The heads' response differs from the cosine, or their axes droop away from the aperture."""
     if rng.random() < 0.3:
         # α = droop · γ; the reading falls as its cosine
@@ -185,7 +185,7 @@ def cosine_response(rng: np.random.Generator, station: Station) -> Dial:
             }
 
         apply = with_arm(lambda a, x: replace(a, aim_droop=0.45 * x))
-        return Dial("cosine-response", "sensors", apply, report_droop, notes={"form": "droop"})
+        return GonioDial("cosine-response", "sensors", apply, report_droop, notes={"form": "droop"})
     form, sign = str(rng.choice(["sine2", "quartic", "step"])), _sign(rng, 0.75)
     tilt = float(rng.choice([1.0, 0.85]))
 
@@ -201,10 +201,10 @@ def cosine_response(rng: np.random.Generator, station: Station) -> Dial:
             losses[g] = 1.0 - float(angular_response(cosine, sign * 0.2 * x, form)[0])
         return {"loss_at_60": (losses[60.0], "1"), "loss_at_85": (losses[85.0], "1")}
 
-    return Dial("cosine-response", "sensors", with_heads(response), report, notes={"form": form})
+    return GonioDial("cosine-response", "sensors", with_heads(response), report, notes={"form": form})
 
 
-def channel_gain(rng: np.random.Generator, station: Station) -> Dial:
+def channel_gain(rng: np.random.Generator, station: Station) -> GonioDial:
     """One head's sensitivity is off."""
     head = int(rng.integers(len(station.campaign.gammas_deg)))
     most = 0.5 if rng.random() < 0.5 else -0.4
@@ -214,10 +214,10 @@ def channel_gain(rng: np.random.Generator, station: Station) -> Dial:
         return {"gain": (1.0 + most * x, "1"), "gamma_deg": (gamma, "deg")}
 
     apply = with_heads(lambda h, x: replace(h, gains={**h.gains, head: 1.0 + most * x}))
-    return Dial("channel-gain", "sensors", apply, report, notes={"channel": f"gonio.g{gamma:02.0f}"})
+    return GonioDial("channel-gain", "sensors", apply, report, notes={"channel": f"gonio.g{gamma:02.0f}"})
 
 
-def cable_shadow(rng: np.random.Generator, station: Station) -> Dial:
+def cable_shadow(rng: np.random.Generator, station: Station) -> GonioDial:
     """A cable or shield hangs between aperture and sensors (outside the catalogue)."""
     gamma, c, width = float(rng.uniform(15, 75)), float(rng.uniform(0, 360)), float(rng.uniform(7, 16))
     apply = with_room(lambda r, x: replace(r, spots=(*r.spots, Spot(gamma, c, width, shade=0.95 * x))))
@@ -225,10 +225,10 @@ def cable_shadow(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {"depth": (0.95 * x, "1"), "gamma_deg": (gamma, "deg"), "c_deg": (c, "deg"), "width_deg": (width, "deg")}
 
-    return Dial("cable-shadow", "room", apply, report, inside=False)
+    return GonioDial("cable-shadow", "room", apply, report, inside=False)
 
 
-def glint(rng: np.random.Generator, station: Station) -> Dial:
+def glint(rng: np.random.Generator, station: Station) -> GonioDial:
     """A glossy rail mirrors the brightest light to some sensors (outside the catalogue)."""
     gamma, c, width = float(rng.uniform(50, 85)), float(rng.uniform(0, 360)), float(rng.uniform(8, 18))
     source = float(rng.choice([15.0, 25.0, 35.0, 45.0]))
@@ -240,10 +240,10 @@ def glint(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {"share": (0.6 * x, "1"), "gamma_deg": (gamma, "deg"), "c_deg": (c, "deg"), "width_deg": (width, "deg")}
 
-    return Dial("specular-glint", "room", with_room(shiny), report, inside=False)
+    return GonioDial("specular-glint", "room", with_room(shiny), report, inside=False)
 
 
-def bright_panel(rng: np.random.Generator, station: Station) -> Dial:
+def bright_panel(rng: np.random.Generator, station: Station) -> GonioDial:
     """Something white stands in one corner of the dark room (outside the catalogue)."""
     gamma, c, half = float(rng.uniform(30, 80)), float(rng.uniform(0, 360)), float(rng.uniform(10, 25))
     apply = with_room(
@@ -253,16 +253,16 @@ def bright_panel(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {"reflectance": (0.9 * x, "1"), "gamma_deg": (gamma, "deg"), "c_deg": (c, "deg")}
 
-    return Dial("bright-panel", "room", apply, report, inside=False)
+    return GonioDial("bright-panel", "room", apply, report, inside=False)
 
 
-def arm_sag(rng: np.random.Generator, station: Station) -> Dial:
+def arm_sag(rng: np.random.Generator, station: Station) -> GonioDial:
     """The arm bends under its weight (outside the catalogue)."""
     apply = with_arm(lambda a, x: replace(a, sag_deg=5.0 * x))
-    return Dial("arm-sag", "goniometer", apply, lambda x: {"sag_deg": (5.0 * x, "deg")}, inside=False)
+    return GonioDial("arm-sag", "goniometer", apply, lambda x: {"sag_deg": (5.0 * x, "deg")}, inside=False)
 
 
-def aperture_offset(rng: np.random.Generator, station: Station) -> Dial:
+def aperture_offset(rng: np.random.Generator, station: Station) -> GonioDial:
     """The aperture is not where the arm's centre is (outside the catalogue)."""
     shift = rng.normal(size=3) * np.array([1.0, 1.0, 0.5])
     shift *= 0.2 / np.linalg.norm(shift)
@@ -273,30 +273,30 @@ def aperture_offset(rng: np.random.Generator, station: Station) -> Dial:
     def report(x: float) -> Parameters:
         return {name: (float(v * x), "m") for name, v in zip(("east_m", "north_m", "up_m"), shift, strict=True)}
 
-    return Dial("aperture-offset", "goniometer", with_arm(moved), report, inside=False)
+    return GonioDial("aperture-offset", "goniometer", with_arm(moved), report, inside=False)
 
 
-def backlash(rng: np.random.Generator, station: Station) -> Dial:
+def backlash(rng: np.random.Generator, station: Station) -> GonioDial:
     """The planes lag behind in the direction of travel (outside the catalogue; needs both directions)."""
     apply = with_arm(lambda a, x: replace(a, backlash_deg=12.0 * x))
-    return Dial("backlash", "goniometer", apply, lambda x: {"lag_deg": (12.0 * x, "deg")}, inside=False)
+    return GonioDial("backlash", "goniometer", apply, lambda x: {"lag_deg": (12.0 * x, "deg")}, inside=False)
 
 
-def temperature_drift(rng: np.random.Generator, station: Station) -> Dial:
+def temperature_drift(rng: np.random.Generator, station: Station) -> GonioDial:
     """The heads warm up within every test's hours (outside the catalogue)."""
     most = _sign(rng) * 0.08
     apply = with_heads(lambda h, x: replace(h, warming_per_k=most * x, kelvin_per_hour=30.0))
-    return Dial("temperature-drift", "sensors", apply, lambda x: {"per_k": (most * x, "1/K")}, inside=False)
+    return GonioDial("temperature-drift", "sensors", apply, lambda x: {"per_k": (most * x, "1/K")}, inside=False)
 
 
-def sluggish_heads(rng: np.random.Generator, station: Station) -> Dial:
+def sluggish_heads(rng: np.random.Generator, station: Station) -> GonioDial:
     """Heads that are read in quick succession remember the one before (outside the catalogue)."""
     apply = with_heads(lambda h, x: replace(h, lag_s=0.35 * x))
-    return Dial("time-constant", "sensors", apply, lambda x: {"lag_s": (0.35 * x, "s")}, inside=False)
+    return GonioDial("time-constant", "sensors", apply, lambda x: {"lag_s": (0.35 * x, "s")}, inside=False)
 
 
-def blue_heads(rng: np.random.Generator, station: Station) -> Dial:
+def blue_heads(rng: np.random.Generator, station: Station) -> GonioDial:
     """Heads that see blue skylight stronger or weaker than sunlight (outside the catalogue)."""
     most = _sign(rng) * 0.4
     apply = with_heads(lambda h, x: replace(h, blue=most * x))
-    return Dial("sensor-spectral-mismatch", "sensors", apply, lambda x: {"excess": (most * x, "1")}, inside=False)
+    return GonioDial("sensor-spectral-mismatch", "sensors", apply, lambda x: {"excess": (most * x, "1")}, inside=False)

@@ -36,7 +36,6 @@ STAGES: Final[dict[str, dict[str, str]]] = {
         "clock-offset": "time",
         "nonlinearity": "electronics",
         "dark-offset": "electronics",
-        "sky-sun-ratio": "source",
     },
     "camera": {
         "vignetting": "lens",

@@ -19,6 +19,7 @@ from simulators.hidden.ripple import Ripple
 from simulators.hidden.room import Room
 from simulators.hidden.tracer import Answer
 from simulators.trial.campaign import Campaign, Test
+from simulators.trial.dials import Dial
 from simulators.trial.shelf import Shelf
 from simulators.trial.stock import DESIGNS, Wanted
 
@@ -57,6 +58,10 @@ class World:
 
     hidden: Hidden = Hidden()
     flaws: Flaws = Flaws()
+
+
+GonioDial = Dial[World]
+"""A cause concealed in a goniometer's station."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,20 @@ class Station:
         """The scan of a test."""
         c = self.campaign
         return Scan(c.gammas_deg, c.planes_deg, test.times_ns, c.distance_m)
+
+    @property
+    def floor(self) -> float:
+        """Floor of the readings [cd]."""
+        return self.campaign.care.floor_lx * self.campaign.distance_m**2
+
+    @property
+    def free_gain(self) -> bool:
+        """Every test has a gain of its own: the daylight between roof and room is known to a few per cent."""
+        return True
+
+    def outcome(self, world: World, simulated: bool) -> list[Floats]:
+        """Noise-free readings of every test [cd], or what the simulation predicts for them."""
+        return [sun + sky for sun, sky in self.predict(world.flaws)] if simulated else self.read(world)
 
     def read(self, world: World) -> list[Floats]:
         """Read every test without noise and wandering gains [cd], shape (p * g,) each."""
