@@ -64,7 +64,7 @@ class SkySeries:
     """
 
     def __init__(self, light: FaultedLight, utc_ns: NDArray[np.int64]) -> None:
-        self.nodes = sky_nodes(57, (IDENTITY,))
+        self.nodes = sky_nodes(39, (IDENTITY,))
         self.utc_ns = utc_ns
         suns = [light.sun(int(t)) for t in utc_ns]
         self.sun = np.array([s.direction for s in suns])

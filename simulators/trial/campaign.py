@@ -202,10 +202,10 @@ def _other_tests(
     count = int(rng.integers(4, 15))
     day = datetime(int(rng.integers(2009, 2026)), 1, 1, tzinfo=UTC) + timedelta(days=int(rng.integers(0, 365)))
     days = [day] if rng.random() < 0.5 else [day, day + timedelta(days=int(rng.integers(1, 4)))]
-    usable = [_usable(site, d) for d in days]
+    usable = [usable_minutes(site, d) for d in days]
     while not all(len(u) for u in usable):  # a day without enough sun: try a month later
         days = [d + timedelta(days=30) for d in days]
-        usable = [_usable(site, d) for d in days]
+        usable = [usable_minutes(site, d) for d in days]
     starts = sorted(int(rng.choice(usable[int(rng.integers(len(days)))])) for _ in range(count))
     for k in range(1, count):
         starts[k] = max(starts[k], starts[k - 1] + 600 * NS)
@@ -233,7 +233,7 @@ def _other_tests(
     return tuple(tests) if len(tests) >= 4 else _other_tests(rng, site, systems, planes, sensors)
 
 
-def _usable(site: Site, day: datetime) -> NDArray[np.int64]:
+def usable_minutes(site: Site, day: datetime) -> NDArray[np.int64]:
     """Minutes of that solar day at which the sun is high enough and not in the zenith (UTC) [ns]."""
     noon = utc_ns_of(day) + round((12.0 - site.longitude_deg / 15.0) * 3600) * NS
     grid = noon + np.arange(-8 * 60, 8 * 60, 2) * 60 * NS

@@ -17,6 +17,14 @@ def make(order: Order, shelf: Shelf) -> Made:
         from simulators.trial import gonio_case
 
         return gonio_case.make(order, shelf)
+    if order.kind == "roof":
+        from simulators.trial import roof_case
+
+        return roof_case.make(order)
+    if order.kind == "camera":
+        from simulators.trial import sky_case
+
+        return sky_case.make(order)
     raise ValueError(f"no such kind of case: {order.kind}")
 
 

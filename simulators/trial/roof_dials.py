@@ -138,7 +138,7 @@ def mast(rng: np.random.Generator, station: RoofStation) -> RoofDial:
     def report(x: float) -> Parameters:
         return {"azimuth_deg": (middle, "deg"), "width_deg": (30.0 * x, "deg")}
 
-    return RoofDial("mast-shadow", "mounting", _meter(shade), report, inside=False)
+    return RoofDial("mast-shadow", "mounting", _meter(shade), report, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), inside=False)
 
 
 def _suns(station: RoofStation, test: object) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
