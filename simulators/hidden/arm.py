@@ -66,7 +66,7 @@ class Sensors:
     @property
     def distances(self) -> Floats:
         """Distance of each sensor from the aperture's centre [m]."""
-        return np.linalg.norm(self.places, axis=-1)
+        return np.asarray(np.linalg.norm(self.places, axis=-1))
 
     @property
     def directions(self) -> Floats:

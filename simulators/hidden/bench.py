@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class RoomFaults:
         Cables, ladders, glossy rails.
     """
 
-    room: Room = Room()
+    room: Room = field(default_factory=Room)
     stray_lx: float = 0.0
     leak: float = 0.0
     leak_c_deg: float = 0.0
@@ -87,7 +87,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class Lit:
-    """Illuminance at the sensors of a scan [lx], shape (p * g,) each: from the sun, from the sky, and by way of the room."""
+    """Illuminance at the sensors of a scan [lx], shape (p * g,) each: from sun, from sky, by way of the room."""
 
     sun: Floats
     sky: Floats
@@ -257,4 +257,4 @@ def _between(levels: Floats, along: Floats) -> Floats:
     low = np.clip(np.floor(place).astype(int), 0, len(levels) - 2)
     u = place - low
     n = np.arange(levels.shape[1])
-    return (1.0 - u) * levels[low, n] + u * levels[low + 1, n]
+    return np.asarray((1.0 - u) * levels[low, n] + u * levels[low + 1, n])

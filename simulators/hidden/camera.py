@@ -1,7 +1,7 @@
 """A fisheye camera that measures luminance from bracketed exposures: what its chain makes of the sky.
 
-Direction to place on the sensor, fall-off, light scattered in the lens, filters that are not V(lambda), a shutter that is not what it
-says, a response that is not a straight line, and the merge that trusts them all.
+Direction to place on the sensor, fall-off, light scattered in the lens, filters that are not V(lambda), a shutter
+that is not what it says, a response that is not a straight line, and the merge that trusts them all.
 """
 
 import math
@@ -35,18 +35,18 @@ class CameraFaults:
     Attributes
     ----------
     falloff, falloff_power
-        Loss of light at 90 degrees off the axis, and its course: 1 - falloff (θ / 90°)^power; power 0 stands for cos^n θ
-        of the half angle with the same loss.
+        Loss of light at 90 degrees off the axis, and its course: 1 - falloff (θ / 90°)^power; power 0 stands for
+        cos^n θ of the half angle with the same loss.
     glare, glare_power
-        Share of the light that the lens scatters, and how its spread falls with the angle: (1 + ψ / 2°)^-power; 0 is even
-        over the hemisphere.
+        Share of the light that the lens scatters, and how its spread falls with the angle: (1 + ψ / 2°)^-power; 0
+        is even over the hemisphere.
     sees_sun
         Whether the sun's disc shines on the lens (no shading disc).
     tint
         Relative excess of the reading for the bluest sky over that for a white one.
     shutter, shutter_form, shutter_seed
-        Error of the exposures: ``marked`` (the engraved times are believed, this share of the way), ``wander`` (each by a
-        random relative error of this rms), ``lazy`` (each longer by this times 1/8000 s over its own).
+        Error of the exposures: ``marked`` (the engraved times are believed, this share of the way), ``wander``
+        (each by a random relative error of this rms), ``lazy`` (each longer by this times 1/8000 s over its own).
     projection, shift
         Share of the way from equidistant to equisolid-angle; and displacement of the centre [deg], towards azimuth 90.
     curve
@@ -55,7 +55,8 @@ class CameraFaults:
     clock_s
         The camera's clock shows this much less than the true time [s].
     ghost, ghost_deg
-        Luminance of the sun's ghost image opposite the centre, as a share of the mean sky's per 100 klx of sun, and its width [deg].
+        Luminance of the sun's ghost image opposite the centre, as a share of the mean sky's per 100 klx of sun, and
+        its width [deg].
     dust
         Spots: (altitude, azimuth, rms width [deg], share of light taken) each.
     tilt_of_field
@@ -116,7 +117,8 @@ class Scene:
 def seen_direction(directions: Floats, faults: CameraFaults) -> Floats:
     """Where a pixel truly looks that is believed to look along unit vectors (..., 3).
 
-    The picture is read as equidistant: r = f θ. The lens is r = f' [(1 - p) θ + p 2 sin(θ / 2)], with the rim calibrated.
+    The picture is read as equidistant: r = f θ. The lens is r = f' [(1 - p) θ + p 2 sin(θ / 2)], with the rim
+    calibrated.
     """
     theta = np.arccos(np.clip(directions[..., 2], -1.0, 1.0))
     rim = (1.0 - faults.projection) * math.pi / 2.0 + faults.projection * 2.0 * math.sin(math.pi / 4.0)
@@ -167,8 +169,9 @@ def _spread_sum(power: float) -> float:
 def tinted(directions: Floats, scene: Scene, tint: float) -> Floats:
     """Ratio of what the camera's filters see to what V(lambda) sees, 1 for a white sky, from spectra.
 
-    The sky's spectrum is sunlight times wavelength^-a, with a from 0 (cloud, about the sun, horizon) to 4 (deep blue, 90° from the
-    sun). V is Wyman, Sloan and Shirley's fit (2013, JCGT 2(2)); the camera's luminance leans to the blue in proportion to ``tint``.
+    The sky's spectrum is sunlight times wavelength^-a, with a from 0 (cloud, about the sun, horizon) to 4 (deep
+    blue, 90° from the sun). V is Wyman, Sloan and Shirley's fit (2013, JCGT 2(2)); the camera's luminance leans to
+    the blue in proportion to ``tint``.
     """
     wave = np.linspace(400.0, 700.0, 61)
     v = 1.056 * _bump(wave, 599.8, 37.9, 31.0) + 0.362 * _bump(wave, 442.0, 16.0, 26.7)  # x, for contrast
@@ -212,7 +215,7 @@ def true_exposures(faults: CameraFaults) -> Floats:
     """True over believed exposure of every frame (16,), 1 for a true shutter."""
     nominal = np.array(EXPOSURES_S)
     if faults.shutter_form == "marked":
-        return (nominal / np.array(MARKED_S)) ** faults.shutter
+        return np.asarray((nominal / np.array(MARKED_S)) ** faults.shutter)
     if faults.shutter_form == "wander":
         return np.exp(faults.shutter * np.random.default_rng(faults.shutter_seed).normal(size=len(nominal)))
     return 1.0 + faults.shutter * (1.0 / 8000.0) / nominal * 0.1

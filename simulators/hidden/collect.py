@@ -1,12 +1,12 @@
 """Where light that leaves a skylight is counted: the sphere of directions as a flat disc of equal areas.
 
-Lambert's azimuthal equal-area map puts the direction (x, y, z < 0) at (x, y) sqrt(2 / (1 - z)): nadir in the middle, the horizon
-on a circle of radius sqrt 2, and every square cell of the map has the same solid angle. Symmetries of a square skylight are
-symmetries of the square map.
+Lambert's azimuthal equal-area map puts the direction (x, y, z < 0) at (x, y) sqrt(2 / (1 - z)): nadir in the
+middle, the horizon on a circle of radius sqrt 2, and every square cell of the map has the same solid angle.
+Symmetries of a square skylight are symmetries of the square map.
 
 Light is counted in fine cells, in the far field and on spheres of finite radius about the aperture's centre: a ray is
-counted where it pierces the sphere, so that the flux through a patch of it is the illuminance of a sensor that faces the centre,
-cosine included, for any size of aperture.
+counted where it pierces the sphere, so that the flux through a patch of it is the illuminance of a sensor that
+faces the centre, cosine included, for any size of aperture.
 """
 
 import math
@@ -47,7 +47,7 @@ def pierce(x: float, y: float, dx: float, dy: float, dz: float, radius: float) -
 
 def to_map(directions: Floats) -> Floats:
     """Map unit vectors (..., 3) of the lower hemisphere to the disc (..., 2)."""
-    return directions[..., :2] * np.sqrt(2.0 / np.maximum(1e-12, 1.0 - directions[..., 2:]))
+    return np.asarray(directions[..., :2] * np.sqrt(2.0 / np.maximum(1e-12, 1.0 - directions[..., 2:])))
 
 
 def from_map(points: Floats) -> Floats:
@@ -59,4 +59,4 @@ def from_map(points: Floats) -> Floats:
 
 def fine_centres() -> Floats:
     """Map coordinates of the centres of the fine cells along one axis, shape (FINE,)."""
-    return (np.arange(FINE) + 0.5) * (2.0 * REACH / FINE) - REACH
+    return np.asarray((np.arange(FINE) + 0.5) * (2.0 * REACH / FINE) - REACH)

@@ -42,13 +42,13 @@ def sky_change(skylight: Skylight, pair: tuple[Answer, Answer], seed: int) -> Fl
     nodes = sky_nodes(57, (IDENTITY,))
     rng = np.random.default_rng(seed)
     weight = nodes.solid_angle / nodes.solid_angle.sum()
-    total = 0.0
+    total = np.zeros(1)
     for k in rng.choice(len(weight), size=SKY_SUNS, p=weight):
         total = total + trace(skylight, nodes.directions[k], SKY_RAYS, seed + int(k), pair).flux
-    sound, broken = smooth(np.asarray(total))
+    sound, broken = smooth(total)
     return _relative(sound, broken)
 
 
 def _relative(sound: Floats, broken: Floats) -> Floats:
     floor = 1e-4 * sound.max(axis=(-1, -2), keepdims=True)
-    return (broken - sound) / (sound + floor)
+    return np.asarray((broken - sound) / (sound + floor))

@@ -1,11 +1,11 @@
 """Everything that may conceal itself in a station, as one frozen description that can be laid over any world.
 
-The parts are those of the chain: source, optics, room, arm, heads. A neutral `Hidden` changes nothing. An emulated world
-applies `source` to its light (`SourceFaults.over`), builds its `Bench` from `room` and `arm`, takes its skylight's
-response through `optics`, and passes what the heads see through `heads` (`heads.read`).
+The parts are those of the chain: source, optics, room, arm, heads. A neutral `Hidden` changes nothing. An emulated
+world applies `source` to its light (`SourceFaults.over`), builds its `Bench` from `room` and `arm`, takes its
+skylight's response through `optics`, and passes what the heads see through `heads` (`heads.read`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from simulators.hidden.arm import ArmFaults
 from simulators.hidden.bench import RoomFaults
@@ -31,10 +31,10 @@ class OpticsFaults:
         Something broken in one place, how thoroughly (0..1), and whether it scatters instead of swallowing.
     """
 
-    answer: Answer = Answer()
+    answer: Answer = field(default_factory=Answer)
     turn_deg: float = 0.0
     aligned: float = 1.0
-    defect: Defect = Defect()
+    defect: Defect = field(default_factory=Defect)
     defect_share: float = 0.0
     fogged: bool = False
 
@@ -43,11 +43,11 @@ class OpticsFaults:
 class Hidden:
     """All that is concealed in a station; ``optics`` lists (system, faults), systems not listed are sound."""
 
-    source: SourceFaults = SourceFaults()
+    source: SourceFaults = field(default_factory=SourceFaults)
     optics: tuple[tuple[str, OpticsFaults], ...] = ()
-    room: RoomFaults = RoomFaults()
-    arm: ArmFaults = ArmFaults()
-    heads: HeadFaults = HeadFaults()
+    room: RoomFaults = field(default_factory=RoomFaults)
+    arm: ArmFaults = field(default_factory=ArmFaults)
+    heads: HeadFaults = field(default_factory=HeadFaults)
 
     def optics_of(self, system: str) -> OpticsFaults:
         """Faults of one system's optics."""

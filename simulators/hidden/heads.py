@@ -20,12 +20,12 @@ class HeadFaults:
     gains
         Factor per head index, for heads whose sensitivity is off.
     curve, curve_form, curve_reference_lx
-        Departure from proportionality: with form ``power`` the reading is proportional to light^(1 + curve), equal to it at the
-        reference; with ``parabola`` it gains curve times level over reference; with ``ranges`` it is (1 + curve) times too
-        high above each third, ninth... of the reference (gain steps of an amplifier).
+        Departure from proportionality: with form ``power`` the reading is proportional to light^(1 + curve), equal
+        to it at the reference; with ``parabola`` it gains curve times level over reference; with ``ranges`` it is
+        (1 + curve) times too high above each third, ninth... of the reference (gain steps of an amplifier).
     end_lx, end_form
-        Level at which the head saturates (0: never), and how: ``soft`` E / (1 + E / end), ``exponential`` end (1 - exp(-E / end)),
-        ``clip``, or ``knee`` (proportional to 60 % of the end, then bending over to it).
+        Level at which the head saturates (0: never), and how: ``soft`` E / (1 + E / end), ``exponential`` end (1 -
+        exp(-E / end)), ``clip``, or ``knee`` (proportional to 60 % of the end, then bending over to it).
     response, response_form
         Loss at 60 degrees of incidence relative to the cosine, and its course: ``sine2``, ``quartic`` or ``step``.
     corrected_tilt

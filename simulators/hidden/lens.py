@@ -3,8 +3,8 @@
 Each facet is met where it is. Its normal errs a little (moulding), light splits by Fresnel's law, is absorbed on
 its way, is totally reflected, and may pass a neighbouring pyramid before it gets away.
 
-Local frame of a sheet: lengths in millimetres, z towards the prisms; the flat lies at z = -slab, the valleys at z = 0, the
-peaks at z = peak; x and y along the edges of the pyramids, periodic with the pitch.
+Local frame of a sheet: lengths in millimetres, z towards the prisms; the flat lies at z = -slab, the valleys at z =
+0, the peaks at z = peak; x and y along the edges of the pyramids, periodic with the pitch.
 """
 
 import math
@@ -94,7 +94,7 @@ class Lens:
             peak=peak,
             slab=self.thickness_mm - peak,
             pitch=self.pitch_mm,
-            index=self.index,
+            refractive=self.index,
             absorption=self.absorption_per_mm,
             blur=lobe_scale(math.radians(self.blur_deg), self.blur_power),
             blur_power=self.blur_power,
@@ -117,7 +117,7 @@ class LensNumbers(NamedTuple):
     peak: float
     slab: float
     pitch: float
-    index: float
+    refractive: float
     absorption: float
     blur: float
     blur_power: float
@@ -135,9 +135,9 @@ def _wrapped(x: float, pitch: float) -> float:
 
 
 @compiled
-def _facet_normal(state: State, lens: LensNumbers, i: int, dx: float, dy: float, dz: float) -> tuple[
-    float, float, float
-]:
+def _facet_normal(
+    state: State, lens: LensNumbers, i: int, dx: float, dy: float, dz: float
+) -> tuple[float, float, float]:
     """Outward normal as this ray meets it: slopes are seen in proportion to the area they show to the ray.
 
     (Distribution of visible normals: Heitz and d'Eon 2014, doi:10.1111/cgf.12417.)
@@ -171,7 +171,7 @@ def _meet_facet(
     """Split at facet ``i``; return whether the light is inside afterwards, and its direction."""
     nx, ny, nz = lens.facets[i][0], lens.facets[i][1], lens.facets[i][2]
     mx, my, mz = _facet_normal(state, lens, i, dx, dy, dz)
-    ratio = lens.index if inside else 1.0 / lens.index
+    ratio = lens.refractive if inside else 1.0 / lens.refractive
     if inside:  # the normal must face the ray
         mx, my, mz = -mx, -my, -mz
     cosine = min(1.0, -(dx * mx + dy * my + dz * mz))
@@ -237,17 +237,15 @@ def _way_through_air(
 
 
 @compiled
-def _prismatic(
-    state: State, lens: LensNumbers, dx: float, dy: float, dz: float, x: float, y: float
-) -> Pass:
+def _prismatic(state: State, lens: LensNumbers, dx: float, dy: float, dz: float, x: float, y: float) -> Pass:
     """Follow a ray through a prismatic sheet, from whichever side it comes, in the sheet's frame."""
     weight = 1.0
     inside = dz > 0.0
     z = lens.peak
     if inside:
-        if uniform(state) < fresnel(dz, 1.0 / lens.index):
+        if uniform(state) < fresnel(dz, 1.0 / lens.refractive):
             return FLAT_SIDE, dx, dy, -dz, weight
-        dx, dy, dz = refracted(dx, dy, dz, 0.0, 0.0, -1.0, 1.0 / lens.index)
+        dx, dy, dz = refracted(dx, dy, dz, 0.0, 0.0, -1.0, 1.0 / lens.refractive)
         z = -lens.slab
     for _ in range(400):
         if not inside:
@@ -280,10 +278,10 @@ def _prismatic(
             if weight < 1e-4:
                 return LOST, dx, dy, dz, 0.0
             x, y, z = x + way * dx, y + way * dy, -lens.slab
-            if uniform(state) < fresnel(-dz, lens.index):
+            if uniform(state) < fresnel(-dz, lens.refractive):
                 dz = -dz
             else:
-                dx, dy, dz = refracted(dx, dy, dz, 0.0, 0.0, 1.0, lens.index)
+                dx, dy, dz = refracted(dx, dy, dz, 0.0, 0.0, 1.0, lens.refractive)
                 return FLAT_SIDE, dx, dy, dz, weight
     return LOST, dx, dy, dz, 0.0
 
@@ -297,15 +295,13 @@ def through(state: State, lens: LensNumbers, dx: float, dy: float, dz: float, u:
             angle = 2.0 * math.pi * uniform(state)
             c, s = math.cos(angle), math.sin(angle)
         px, py = c * dx + s * dy, c * dy - s * dx
-        side, px, py, dz, weight = _prismatic(
-            state, lens, px, py, dz, (u - 0.5) * lens.pitch, (v - 0.5) * lens.pitch
-        )
+        side, px, py, dz, weight = _prismatic(state, lens, px, py, dz, (u - 0.5) * lens.pitch, (v - 0.5) * lens.pitch)
         return side, c * px - s * py, s * px + c * py, dz, weight
     ahead = PRISM_SIDE if dz > 0.0 else FLAT_SIDE
     if lens.kind == CLEAR:
-        inner = math.sqrt(1.0 - (1.0 - dz * dz) / (lens.index * lens.index))
+        inner = math.sqrt(1.0 - (1.0 - dz * dz) / (lens.refractive * lens.refractive))
         weight = math.exp(-lens.absorption * (lens.slab + lens.peak) / inner)
-        if uniform(state) < clear_slab(abs(dz), lens.index):
+        if uniform(state) < clear_slab(abs(dz), lens.refractive):
             return ahead, dx, dy, dz, weight
         return -ahead, dx, dy, -dz, 1.0
     if lens.kind == DIFFUSING:
@@ -321,9 +317,7 @@ def through(state: State, lens: LensNumbers, dx: float, dy: float, dz: float, u:
 
 
 @compiled
-def hazed(
-    state: State, lens: LensNumbers, side: int, dx: float, dy: float, dz: float
-) -> tuple[float, float, float]:
+def hazed(state: State, lens: LensNumbers, side: int, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
     """Scatter light that has left a sheet on ``side`` by the lens's haze; it stays on that side."""
     for _ in range(8):
         a, b = lobe(state, lens.haze_spread, 0.7)

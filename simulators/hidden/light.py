@@ -111,7 +111,7 @@ class PerezLight:
     def diffuse(self, utc_ns: int) -> float:
         """Horizontal diffuse illuminance [lx]; it follows the sine of the sun's height to the power 0.6."""
         here, now = self.table(self.utc_ns), self.table(utc_ns)
-        return self.diffuse_lx * float(max(0.02, now[2]) / max(0.02, here[2])) ** 0.6
+        return float(self.diffuse_lx * (max(0.02, float(now[2])) / max(0.02, float(here[2]))) ** 0.6)
 
     def luminance(self, directions: Floats, utc_ns: int) -> Floats:
         """Perez luminance with its type held, scaled so that its horizontal illuminance is the diffuse."""
@@ -134,14 +134,14 @@ def air_mass(direction: Floats) -> float:
     """Relative air mass towards a direction (Kasten and Young 1989, doi:10.1364/AO.28.004735)."""
     height = max(0.0, float(direction[2]))
     altitude = math.degrees(math.asin(height))
-    return 1.0 / (height + 0.50572 * (altitude + 6.07995) ** -1.6364)
+    return float(1.0 / (height + 0.50572 * (altitude + 6.07995) ** -1.6364))
 
 
 def clear_day(altitude_deg: float, turbidity: float) -> tuple[float, float]:
     """Beam (facing the sun) and diffuse illuminance [lx] of a clear day, for a Linke turbidity.
 
-    Beam: Bouguer's law with Kasten's (1996, doi:10.1016/0038-092X(95)00114-7) clean-air optical depth. Diffuse: a little less than half of
-    what the beam lost comes down, as in the report's tests.
+    Beam: Bouguer's law with Kasten's (1996, doi:10.1016/0038-092X(95)00114-7) clean-air optical depth. Diffuse: a
+    little less than half of what the beam lost comes down, as in the report's tests.
     """
     height = math.sin(math.radians(altitude_deg))
     m = 1.0 / (height + 0.50572 * (altitude_deg + 6.07995) ** -1.6364)

@@ -206,10 +206,5 @@ def _cap(axis: Floats, half_angle_deg: float, count: int = 400) -> Floats:
     first = np.cross(helper, axis)
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)
-    points = cosine[:, None] * axis + sine[:, None] * (
-        np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
-    )
-    return points[points[:, 2] > 0.0]
-
-
-
+    points = cosine[:, None] * axis + sine[:, None] * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second)
+    return np.asarray(points[points[:, 2] > 0.0])

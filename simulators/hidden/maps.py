@@ -1,7 +1,7 @@
 """From counted light to smooth distributions, and from those to what a sensor anywhere below would see.
 
-A distribution is kept as intensity over cos γ (as a luminance times the aperture's area), which stays gentle down to the
-horizon, on a grid of the equal-area map of `collect`, for the three radii of `collect.RADII_M`.
+A distribution is kept as intensity over cos γ (as a luminance times the aperture's area), which stays gentle down
+to the horizon, on a grid of the equal-area map of `collect`, for the three radii of `collect.RADII_M`.
 """
 
 import math
@@ -23,7 +23,7 @@ SMOOTHING_DEG = 2.0
 
 def node_centres() -> Floats:
     """Map coordinates of the nodes along one axis, shape (COARSE,)."""
-    return (np.arange(COARSE) + 0.5) * (2.0 * REACH / COARSE) - REACH
+    return np.asarray((np.arange(COARSE) + 0.5) * (2.0 * REACH / COARSE) - REACH)
 
 
 @cache
@@ -105,7 +105,7 @@ def turned(directions: Floats, degrees: float) -> Floats:
         return directions
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     matrix = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return directions @ matrix.T
+    return np.asarray(directions @ matrix.T)
 
 
 @cache
@@ -117,7 +117,7 @@ def _projected() -> Floats:
     x, y = np.meshgrid(fine, fine, indexing="ij")
     r2 = x * x + y * y
     cosine = np.where(r2 < 2.0, 1.0 - r2 / 2.0, 0.0)
-    return cosine.reshape(COARSE, parts, COARSE, parts).mean(axis=(1, 3)) * (2.0 * REACH / COARSE) ** 2
+    return np.asarray(cosine.reshape(COARSE, parts, COARSE, parts).mean(axis=(1, 3)) * (2.0 * REACH / COARSE) ** 2)
 
 
 def distance_weights(distance_m: float | Floats) -> tuple[Floats, Floats, Floats]:

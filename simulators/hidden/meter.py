@@ -34,7 +34,8 @@ class MeterFaults:
     facade
         Extra light from a bright wall: share of the beam it throws back, and the compass direction it stands in [deg].
     dew
-        Share of the beam that dew on the dome scatters away until `dew_until_s` seconds after the first record of the day.
+        Share of the beam that dew on the dome scatters away until `dew_until_s` seconds after the first record of
+        the day.
     kelvin_amplitude, per_k
         Daily course of the head's temperature (warmest at 15 h solar time), and its coefficient [1/K].
     """
@@ -136,4 +137,4 @@ def _thrown_back(series: SkySeries, faults: MeterFaults) -> Floats:
         return np.zeros(len(series.utc_ns))
     towards = sky_vector(0.0, stands)  # from the meter to the wall
     lit = np.maximum(0.0, -(series.sun @ towards))
-    return share * series.normal_lx * lit**4 * series.sun[:, 2]
+    return np.asarray(share * series.normal_lx * lit**4 * series.sun[:, 2])

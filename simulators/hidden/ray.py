@@ -1,7 +1,8 @@
 """One ray's way through a skylight: cover, well, boot, exit lens, and back again as often as it likes.
 
-There is no limit to the bounces: light ends by leaving, by being absorbed, or by Russian roulette, which is fair on average.
-Events are tallied, so that another wall reflectance, a bounce limit or a haze can be applied to the same rays afterwards.
+There is no limit to the bounces: light ends by leaving, by being absorbed, or by Russian roulette, which is fair on
+average. Events are tallied, so that another wall reflectance, a bounce limit or a haze can be applied to the same
+rays afterwards.
 """
 
 import math
@@ -85,7 +86,16 @@ def _dome_centre(s: SkylightNumbers) -> tuple[float, float]:
 
 @compiled
 def enter(
-    state: State, s: SkylightNumbers, tally: Tally, x: float, y: float, dx: float, dy: float, dz: float, u: float, v: float
+    state: State,
+    s: SkylightNumbers,
+    tally: Tally,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    u: float,
+    v: float,
 ) -> tuple[int, float, float, float, float, float, float, float, float]:
     """Bring a ray that would cross the entry plane at (x, y) from outside through the cover.
 
@@ -125,7 +135,7 @@ def enter(
     grazing = 1.0 / max(cosine, 0.02)
     weight = 1.0
     if s.cover == DOME and s.entry.kind == CLEAR:
-        if uniform(state) >= clear_slab(cosine, s.entry.index):
+        if uniform(state) >= clear_slab(cosine, s.entry.refractive):
             return OUT_ABOVE, x, y, z, dx, dy, dz, 0.0, grazing
     elif s.entry.kind != NO_LENS:
         side, dx, dy, dz, weight = _sheet(state, s, False, max(0, pane), dx, dy, dz, u, v)
@@ -157,7 +167,7 @@ def _under_cover(
             return GOES_ON, x + down * dx, y + down * dy, s.depth, dx, dy, dz, 1.0
         x, y, z = x + way * dx, y + way * dy, z + way * dz
         nx, ny, nz = x / radius, y / radius, (z - centre) / radius
-        if uniform(state) < clear_slab(abs(dx * nx + dy * ny + dz * nz), s.entry.index):
+        if uniform(state) < clear_slab(abs(dx * nx + dy * ny + dz * nz), s.entry.refractive):
             return OUT_ABOVE, x, y, z, dx, dy, dz, 1.0
         dx, dy, dz = mirrored(dx, dy, dz, nx, ny, nz)
         return GOES_ON, x, y, z, dx, dy, dz, 1.0
@@ -203,8 +213,17 @@ def _to_wall(s: SkylightNumbers, x: float, y: float, dx: float, dy: float) -> tu
 
 @compiled
 def _bounce(
-    state: State, s: SkylightNumbers, tally: Tally, x: float, y: float, z: float, dx: float, dy: float, dz: float,
-    nx: float, ny: float,
+    state: State,
+    s: SkylightNumbers,
+    tally: Tally,
+    x: float,
+    y: float,
+    z: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    nx: float,
+    ny: float,
 ) -> tuple[float, float, float, float]:
     """Reflect on the wall or the boot; returns the direction and the factor that is not tallied."""
     if z < s.boot:
@@ -238,7 +257,7 @@ def follow(
     """Follow a ray inside the skylight until it leaves or ends; adds to ``tally``."""
     weight = 1.0
     level = 1.0  # expected weight with the nominal walls, for the roulette
-    attic = z > s.depth or s.cover == FLAT and z >= s.depth and dz > 0.0
+    attic = z > s.depth or (s.cover == FLAT and z >= s.depth and dz > 0.0)
     for _ in range(100_000):
         if attic or (z >= s.depth and dz > 0.0):
             fate, x, y, z, dx, dy, dz, factor = _under_cover(state, s, tally, x, y, z, dx, dy, dz)

@@ -1,8 +1,9 @@
 """What a skylight does with light from any place in the sky: traced once, kept on disk, then only sums.
 
-A response holds, for every node of a grid over the sky, the distribution below for 1 lx of light from there on a plane that
-faces it. A sun is a smooth mean of the nodes about it, a sky a sum over all of them. Beside the nominal response lie
-ratios to it for other wall reflectances, bounce limits, scattering walls, haze and dirt, counted on the same rays.
+A response holds, for every node of a grid over the sky, the distribution below for 1 lx of light from there on a
+plane that faces it. A sun is a smooth mean of the nodes about it, a sky a sum over all of them. Beside the nominal
+response lie ratios to it for other wall reflectances, bounce limits, scattering walls, haze and dirt, counted on
+the same rays.
 """
 
 import hashlib
@@ -12,6 +13,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +129,8 @@ class Response:
         flat = self.base.reshape(len(self.base), -1)
         group = self.nodes.group
         per_seed = np.zeros((len(group), len(weights), len(self.base)), dtype=np.float32)
-        np.add.at(per_seed, (self.nodes.turn, slice(None), self.nodes.seed), weights.T.astype(np.float32))
+        where: Any = (self.nodes.turn, slice(None), self.nodes.seed)
+        np.add.at(per_seed, where, weights.T.astype(np.float32))
         rows = per_seed.reshape(-1, len(self.base))
         used = np.flatnonzero(rows.any(axis=0))
         if len(used) < len(flat) // 2:
@@ -177,7 +180,7 @@ class Response:
     def _shared(self, index: int, share: float) -> NDArray[np.float32]:
         """Logarithm of the ratio for a share of scattered light: the ratio itself is nearly a parabola in it."""
         changes = [self.ratios[index + k].astype(np.float32) - np.float32(1.0) for k in range(len(SHARES))]
-        return np.log(np.maximum(1.0 + _curve(SHARES, changes, share), np.float32(0.02)))
+        return np.asarray(np.log(np.maximum(1.0 + _curve(SHARES, changes, share), np.float32(0.02))))
 
     def _limited(self, limit: int) -> NDArray[np.float32]:
         if limit not in LIMITS:
@@ -185,9 +188,7 @@ class Response:
         return self._log(3 + LIMITS.index(limit))
 
 
-def _curve(
-    knots: tuple[float, ...] | list[float], values: list[NDArray[np.float32]], at: float
-) -> NDArray[np.float32]:
+def _curve(knots: tuple[float, ...] | list[float], values: list[NDArray[np.float32]], at: float) -> NDArray[np.float32]:
     """Polynomial through (0, 0) and the knots, at ``at``."""
     total = np.zeros_like(values[0])
     for i, (knot, value) in enumerate(zip(knots, values, strict=True)):
@@ -213,8 +214,8 @@ def response(
 ) -> Response:
     """Return the response of a skylight, from disk if it was traced before, else traced now (minutes).
 
-    The rays per node are for a skylight with all eight symmetries; one with fewer gets fewer, so that the whole costs at
-    most twice as much.
+    The rays per node are for a skylight with all eight symmetries; one with fewer gets fewer, so that the whole
+    costs at most twice as much.
     """
     place = (folder or cache_folder()) / f"{skylight.kind}-{key(skylight, rays_per_node)}"
     nodes = sky_nodes(ACROSS, symmetries(skylight))
@@ -249,7 +250,7 @@ def _traced(
 def _ratio(level: Floats, nominal: Floats) -> Floats:
     """Ratio of two distributions, drawn to 1 where there is next to nothing to compare."""
     floor = 1e-5 * np.max(nominal, axis=(-1, -2), keepdims=True)
-    return np.minimum(60_000.0, (level + floor) / (nominal + floor))
+    return np.asarray(np.minimum(60_000.0, (level + floor) / (nominal + floor)))
 
 
 def _write(place: Path, base: NDArray[np.float32], ratios: NDArray[np.float16]) -> None:

@@ -1,7 +1,7 @@
 """Smooth random fields: what no model of a lens, a sky or a head gets quite right.
 
-A sum of plane waves in space, looked at on the unit sphere (a random Fourier series of a stationary field; Rahimi and Recht
-2007): band-limited, without poles or seams.
+A sum of plane waves in space, looked at on the unit sphere (a random Fourier series of a stationary field; Rahimi
+and Recht 2007): band-limited, without poles or seams.
 """
 
 import math

@@ -1,7 +1,7 @@
 """The dark room as it is: walls, floor and ceiling give back a little of the light, and sensors see it.
 
-Radiosity on patches (Goral, Torrance, Greenberg, Battaile 1984, doi:10.1145/964965.808601): every patch is matt and evenly lit;
-exchange is by form factors, and the sum over all bounces is solved, not truncated.
+Radiosity on patches (Goral, Torrance, Greenberg, Battaile 1984, doi:10.1145/964965.808601): every patch is matt and
+evenly lit; exchange is by form factors, and the sum over all bounces is solved, not truncated.
 
 Frame: the aperture's centre in the middle of the ceiling is the origin; x east, y north, z up.
 """
@@ -68,7 +68,7 @@ class Room:
 
     def exitance(self, field: Field) -> Floats:
         """Exitance of every patch [lm/m²] with all inter-reflections, shape (patches,)."""
-        return np.linalg.solve(self._system(), self.first_exitance(field))  # type: ignore[no-any-return]
+        return np.asarray(np.linalg.solve(self._system(), self.first_exitance(field)))
 
     def first_exitance(self, field: Field) -> Floats:
         """Exitance of every patch [lm/m²] from the aperture's light alone, shape (patches,)."""
@@ -77,7 +77,7 @@ class Room:
 
     def transfer(self, seen: Floats) -> Floats:
         """Illuminance [lx] at sensors per first exitance of each patch, (n, patches), from `seen` for those sensors."""
-        return np.linalg.solve(self._system().T, seen.T).T  # type: ignore[no-any-return]
+        return np.asarray(np.linalg.solve(self._system().T, seen.T).T)
 
     def added(self, field: Field, places: Floats, aims: Floats) -> Floats:
         """Illuminance [lx] that the room adds at sensors at ``places`` (n, 3) [m], facing ``aims`` (n, 3)."""
@@ -174,7 +174,7 @@ def _form_factors(size_m: tuple[float, float, float]) -> Floats:
             part = np.maximum(0.0, here) * np.maximum(0.0, there) / (math.pi * d2**2) * p.area[None] / 16.0
             factors += part
     np.fill_diagonal(factors, 0.0)
-    return factors / factors.sum(axis=1, keepdims=True)
+    return np.asarray(factors / factors.sum(axis=1, keepdims=True))
 
 
 def _first_light(patches: _Patches, field: Field) -> Floats:
@@ -187,4 +187,4 @@ def _first_light(patches: _Patches, field: Field) -> Floats:
     lit = (patches.face != 1) & (towards[..., 2] < -1e-6)
     level = np.zeros(distance.shape)
     level[lit] = field.intensity(towards[lit], np.maximum(2.0, distance[lit]))
-    return np.mean(level * cosine / distance**2, axis=0)  # type: ignore[no-any-return]
+    return np.asarray(np.mean(level * cosine / distance**2, axis=0))

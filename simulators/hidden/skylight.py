@@ -1,7 +1,7 @@
 """The three skylight systems as solids that rays can meet.
 
-Frame: x east, y north, z up; the exit aperture lies at z = 0 with its centre in the origin, the well rises to z = depth,
-and the cover stands on it. Lengths in metres (the sheets' own structure is in millimetres).
+Frame: x east, y north, z up; the exit aperture lies at z = 0 with its centre in the origin, the well rises to z =
+depth, and the cover stands on it. Lengths in metres (the sheets' own structure is in millimetres).
 """
 
 import math
@@ -85,10 +85,7 @@ class Skylight:
 
     def numbers(self) -> "SkylightNumbers":
         """Return the same as the tracer takes it."""
-        if self.cover == "pyramid" and self.rise_m > 0.0:
-            cover = PYRAMID
-        else:
-            cover = DOME if self.cover == "dome" else FLAT
+        cover = {"pyramid": PYRAMID if self.rise_m > 0.0 else FLAT, "dome": DOME, "flat": FLAT}[self.cover]
         half = np.array([self.width_m / 2.0, self.length_m / 2.0])
         return SkylightNumbers(
             round=self.round,
@@ -164,16 +161,20 @@ def _frames(half_x: float, half_y: float, rise: float, cover: int, orientation_d
     frames = []
     for side in (1.0, -1.0):  # panes facing east, west
         slope = np.array([half_x, 0.0, -side * rise]) / math.hypot(half_x, rise)
-        frames.append(np.stack([slope, [0.0, 1.0, 0.0], -np.array([side * rise, 0.0, half_x]) / math.hypot(half_x, rise)]))
+        frames.append(
+            np.stack([slope, [0.0, 1.0, 0.0], -np.array([side * rise, 0.0, half_x]) / math.hypot(half_x, rise)])
+        )
     for side in (1.0, -1.0):  # panes facing north, south
         slope = np.array([0.0, half_y, -side * rise]) / math.hypot(half_y, rise)
-        frames.append(np.stack([[1.0, 0.0, 0.0], slope, -np.array([0.0, side * rise, half_y]) / math.hypot(half_y, rise)]))
+        frames.append(
+            np.stack([[1.0, 0.0, 0.0], slope, -np.array([0.0, side * rise, half_y]) / math.hypot(half_y, rise)])
+        )
     turn = np.array([[flat[0, 0], flat[0, 1], 0.0], [flat[1, 0], flat[1, 1], 0.0], [0.0, 0.0, 1.0]])
     return np.stack([turn @ frame for frame in frames])
 
 
 def _panes(half_x: float, half_y: float, depth: float, rise: float, cover: int) -> NDArray[np.float64]:
-    """Outward normals and offsets (n · p = offset) of the panes facing east, west, north, south, and the entry plane."""
+    """Outward normals and offsets (n · p = offset) of the panes facing east, west, north, south, and the entry."""
     planes = np.zeros((5, 4))
     planes[4] = (0.0, 0.0, -1.0, -depth)
     if cover == PYRAMID:
@@ -187,9 +188,7 @@ def _panes(half_x: float, half_y: float, depth: float, rise: float, cover: int) 
 
 def top(**changes: object) -> Skylight:
     """Pyramid of prismatic sheet on a white well, nothing below."""
-    plain = Skylight(
-        "top", 0.6096, 0.6096, 0.6096, False, "pyramid", 0.15, Lens(), Lens(kind="none"), 0.85, "diffuse"
-    )
+    plain = Skylight("top", 0.6096, 0.6096, 0.6096, False, "pyramid", 0.15, Lens(), Lens(kind="none"), 0.85, "diffuse")
     return replace(plain, **changes)  # type: ignore[arg-type]
 
 

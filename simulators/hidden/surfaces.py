@@ -86,9 +86,7 @@ def matt(state: State, nx: float, ny: float, nz: float) -> Vector:
 
 
 @compiled
-def brushed(
-    state: State, dx: float, dy: float, dz: float, nx: float, ny: float, nz: float, spread: float
-) -> Vector:
+def brushed(state: State, dx: float, dy: float, dz: float, nx: float, ny: float, nz: float, spread: float) -> Vector:
     """Mirror the ray on a wall whose normal errs by ``spread`` [rad, rms]; it never leaves through the wall."""
     if spread > 0.0:
         a, b = lobe(state, spread, 0.5)

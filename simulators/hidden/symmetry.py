@@ -144,7 +144,7 @@ def _areas(where: NDArray[np.int64], step: float, parts: int = 8) -> Floats:
     from scipy.spatial import cKDTree
 
     _, nearest = cKDTree(where).query(points)
-    return np.bincount(nearest, minlength=len(where)) * (step / parts) ** 2
+    return np.asarray(np.bincount(nearest, minlength=len(where)) * (step / parts) ** 2)
 
 
 @cache

@@ -117,9 +117,25 @@ def _outline(s: SkylightNumbers, dx: float, dy: float, dz: float) -> tuple[float
 
 @compiled
 def _trace(
-    s: SkylightNumbers, sun: Floats, disc: float, power: float, first: int, rays: int, seed: int, steps: Floats,
-    factors: Floats, dirt: Floats, flux: Floats, square: Floats, bounces: Floats, sums: Floats,
-    state: State, tally: Tally, shift: Floats, place: Floats, carried: Floats,
+    s: SkylightNumbers,
+    sun: Floats,
+    disc: float,
+    power: float,
+    first: int,
+    rays: int,
+    seed: int,
+    steps: Floats,
+    factors: Floats,
+    dirt: Floats,
+    flux: Floats,
+    square: Floats,
+    bounces: Floats,
+    sums: Floats,
+    state: State,
+    tally: Tally,
+    shift: Floats,
+    place: Floats,
+    carried: Floats,
 ) -> None:
     """Follow rays ``first`` to ``first + rays`` and add what they carry (in m² of normal area) to the counters."""
     start(state, seed, -1)
@@ -207,10 +223,25 @@ def trace(
     bounces, sums = np.zeros(DEPTH), np.zeros(6)
     direction = np.asarray(sun, dtype=np.float64)
     _trace(
-        numbers, direction, math.radians(disc_deg), aureole_power, 0, rays, seed, kronecker_steps(),
-        factors, dirt, flux, square, bounces, sums,
-        np.zeros(2, dtype=np.uint64), np.zeros(TALLIES, dtype=np.int64),
-        np.zeros(KRONECKER_DIMENSIONS), np.zeros(KRONECKER_DIMENSIONS), np.zeros(len(answers)),
+        numbers,
+        direction,
+        math.radians(disc_deg),
+        aureole_power,
+        0,
+        rays,
+        seed,
+        kronecker_steps(),
+        factors,
+        dirt,
+        flux,
+        square,
+        bounces,
+        sums,
+        np.zeros(2, dtype=np.uint64),
+        np.zeros(TALLIES, dtype=np.int64),
+        np.zeros(KRONECKER_DIMENSIONS),
+        np.zeros(KRONECKER_DIMENSIONS),
+        np.zeros(len(answers)),
     )
     sums /= rays
     return Traced(

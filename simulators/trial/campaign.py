@@ -1,6 +1,7 @@
 """Campaigns of the goniophotometer: where, when, under which skies, with which skylights, how carefully.
 
-Every campaign is drawn anew: the report's own tests or others, sites between the tropics and the far north, four to fourteen tests.
+Every campaign is drawn anew: the report's own tests or others, sites between the tropics and the far north, four to
+fourteen tests.
 """
 
 import math
@@ -184,7 +185,7 @@ def _report_tests(rng: np.random.Generator, planes: Floats, sensors: int) -> tup
         numbers = sorted(int(n) for n in rng.choice(others, size=int(rng.integers(6, 15)), replace=False))
     real = [greenwood.TESTS[n] for n in numbers]
     table = SunTable(greenwood.SITE, min(t.start_ns for t in real), max(t.end_ns for t in real))
-    tests = []
+    tests: list[Test] = []
     for t in real:
         middle = (t.start_ns + t.end_ns) // 2
         sun = table(middle)
@@ -212,7 +213,7 @@ def _other_tests(
     turbidity = float(rng.uniform(2.3, 5.5))
     cloudy = rng.random() < 0.45
     table = SunTable(site, starts[0], starts[-1] + 600 * NS)
-    tests = []
+    tests: list[Test] = []
     for k, start in enumerate(starts):
         end = start + int(rng.uniform(120, 240)) * NS
         middle = (start + end) // 2

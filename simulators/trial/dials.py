@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 W = TypeVar("W")
 """What is concealed in a kind of station, and in its simulation."""
+W_in = TypeVar("W_in", contravariant=True)
 
 Parameters = dict[str, tuple[float, str]]
 """Name to value and unit."""
@@ -51,7 +52,7 @@ class Dial(Generic[W]):
     notes: dict[str, object] = field(default_factory=dict)
 
 
-class Bench(Protocol[W]):
+class Bench(Protocol[W_in]):
     """A station under any world, as far as dials need to know it."""
 
     @property
@@ -64,13 +65,13 @@ class Bench(Protocol[W]):
         """Whether every test has a gain of its own that nobody knows."""
         ...
 
-    def outcome(self, world: W, simulated: bool) -> list[Floats]:
+    def outcome(self, world: W_in, simulated: bool) -> list[Floats]:
         """Noise-free readings of every test, or what the simulation predicts for them."""
         ...
 
 
 def relative(with_it: Floats, without: Floats, floor: float) -> Floats:
-    """Change relative to the mean of both plus the readings' floor, so that readings of next to nothing do not count."""
+    """Change relative to the mean of both plus the readings' floor, so that readings of nearly nothing do not count."""
     return (with_it - without) / (0.5 * (np.abs(with_it) + np.abs(without)) + floor)
 
 

@@ -234,5 +234,3 @@ def _withhold(order: Order, campaign: Campaign, rng: np.random.Generator) -> tup
 
 def _system(tests: tuple[Test, ...], index: int) -> str:
     return tests[index].system
-
-

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from labdaq.clock import utc_text
 from simulators.trial.campaign import Test
 from simulators.trial.files import COLUMNS, ies, number, parts, toml, utc
 from simulators.trial.made import Order
 from simulators.trial.station import Flaws, Station, World
 from simulators.trial.stock import DESIGNS
-from labdaq.clock import utc_text
 
 Floats = NDArray[np.float64]
 
@@ -250,5 +250,3 @@ def _records(
                 ]  # fmt: skip
                 lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
-
-

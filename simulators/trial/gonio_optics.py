@@ -141,12 +141,12 @@ def wall_reflectance(rng: np.random.Generator, station: Station) -> GonioDial:
         span = min(0.03, 0.995 - nominal[system]) if up else -0.14
         return nominal[system] + span * x
 
+    def rewalled(system: str) -> Callable[[OpticsFaults, float], OpticsFaults]:
+        return lambda o, x: replace(o, answer=replace(o.answer, wall_reflectance=value(system, x)))
+
     def apply(world: World, x: float) -> World:
         for system in systems:
-            wall = value(system, x)
-            world = with_optics((system,), lambda o, _, w=wall: replace(o, answer=replace(o.answer, wall_reflectance=w)))(  # type: ignore[misc]
-                world, x
-            )
+            world = with_optics((system,), rewalled(system))(world, x)
         return world
 
     def report(x: float) -> Parameters:
@@ -167,7 +167,11 @@ def bounce_truncation(rng: np.random.Generator, station: Station) -> GonioDial:
     apply = with_flaws(lambda f, x: replace(f, max_bounces=limit(x)))
     choices = tuple((k + 0.5) / len(LIMITS) for k in range(len(LIMITS)))
     return GonioDial(
-        "bounce-truncation", "well", apply, lambda x: {"max_bounces": (float(limit(x)), "1")}, choices,
+        "bounce-truncation",
+        "well",
+        apply,
+        lambda x: {"max_bounces": (float(limit(x)), "1")},
+        choices,
         on_simulation=True,
     )
 
@@ -183,7 +187,10 @@ def wall_scatter(rng: np.random.Generator, station: Station) -> GonioDial | None
         return replace(o, answer=replace(o.answer, wall_scatter=0.16 * x))
 
     return GonioDial(
-        "wall-scatter", "well", with_optics(systems, scatter), lambda x: {"scattered_share": (0.16 * x, "1")},
+        "wall-scatter",
+        "well",
+        with_optics(systems, scatter),
+        lambda x: {"scattered_share": (0.16 * x, "1")},
         systems=systems,
     )
 
@@ -193,7 +200,11 @@ def near_field(rng: np.random.Generator, station: Station) -> GonioDial:
     apply = with_flaws(lambda f, x: replace(f, far=x > 0.0))
     distance = station.campaign.distance_m
     return GonioDial(
-        "near-field", "goniometer", apply, lambda x: {"weight": (1.0, "1"), "distance_m": (distance, "m")}, (1.0,),
+        "near-field",
+        "goniometer",
+        apply,
+        lambda x: {"weight": (1.0, "1"), "distance_m": (distance, "m")},
+        (1.0,),
         on_simulation=True,
     )
 

@@ -180,9 +180,7 @@ def cosine_response(rng: np.random.Generator, station: Station) -> GonioDial:
         # α = droop · γ; the reading falls as its cosine
         def report_droop(x: float) -> Parameters:
             loss = {g: 1.0 - math.cos(math.radians(0.45 * x * g)) for g in (60.0, 85.0)}
-            return {
-                "droop": (0.45 * x, "1"), "loss_at_60": (loss[60.0], "1"), "loss_at_85": (loss[85.0], "1")
-            }
+            return {"droop": (0.45 * x, "1"), "loss_at_60": (loss[60.0], "1"), "loss_at_85": (loss[85.0], "1")}
 
         apply = with_arm(lambda a, x: replace(a, aim_droop=0.45 * x))
         return GonioDial("cosine-response", "sensors", apply, report_droop, notes={"form": "droop"})

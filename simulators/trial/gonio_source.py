@@ -38,7 +38,10 @@ def sky_sun_ratio(rng: np.random.Generator, station: Station) -> GonioDial:
         return replace(s, diffuse_shift=s.diffuse_shift + sign * 0.4 * x)
 
     return GonioDial(
-        "sky-sun-ratio", "source", with_source(flat), lambda x: {"diffuse_shift": (sign * 0.4 * x, "1")},
+        "sky-sun-ratio",
+        "source",
+        with_source(flat),
+        lambda x: {"diffuse_shift": (sign * 0.4 * x, "1")},
         notes={"form": "factor"},
     )
 

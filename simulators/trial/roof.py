@@ -103,7 +103,7 @@ def draw(rng: np.random.Generator) -> RoofCampaign:
         noise=float(np.exp(rng.uniform(math.log(0.001), math.log(0.006)))) * (2.0 if model else 1.0),
         floor_lx=float(rng.choice([5.0, 20.0, 50.0])),
         resolution_lx=float(rng.choice([1.0, 10.7639, 107.639])),
-        model_ripple=0.012 if model else 0.0025,
+        model_ripple=0.006 if model else 0.0025,
         range_max_lx=float(rng.choice([107_639.0, 150_000.0, 299_900.0])) if rng.random() < 0.4 else None,
         albedo=float(rng.uniform(0.08, 0.3)),
     )

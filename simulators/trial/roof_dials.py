@@ -61,7 +61,9 @@ def cosine(rng: np.random.Generator, station: RoofStation) -> RoofDial:
     apply = _heads(lambda h, x: replace(h, response=most * x, response_form=form))
 
     def report(x: float) -> Parameters:
-        at = {g: 1.0 - float(angular_response(np.array([math.cos(math.radians(g))]), most * x, form)[0]) for g in (60, 80)}
+        at = {
+            g: 1.0 - float(angular_response(np.array([math.cos(math.radians(g))]), most * x, form)[0]) for g in (60, 80)
+        }
         return {"loss_at_60": (at[60], "1"), "loss_at_80": (at[80], "1")}
 
     return RoofDial("meter-cosine", "head", apply, report, notes={"form": form})
@@ -129,7 +131,9 @@ def warming(rng: np.random.Generator, station: RoofStation) -> RoofDial:
 
 def mast(rng: np.random.Generator, station: RoofStation) -> RoofDial:
     """A mast's shadow passes over the meter (outside the catalogue)."""
-    azimuths = np.concatenate([np.degrees(np.arctan2(*_suns(station, t).T[:2])) % 360.0 for t in station.campaign.tests])
+    azimuths = np.concatenate(
+        [np.degrees(np.arctan2(*_suns(station, t).T[:2])) % 360.0 for t in station.campaign.tests]
+    )
     middle = float(rng.choice(azimuths))
 
     def shade(m: MeterFaults, x: float) -> MeterFaults:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from labdaq.clock import NS, utc_ns_of
+from labdaq.clock import NS
 from labdaq.directions import angle_between, sky_vector
 from simulators.hidden.camera import CameraFaults, Scene, photograph
 from simulators.hidden.light import PerezLight, Site, SunTable, clear_day
@@ -80,7 +80,10 @@ class SkyCampaign:
 
 @dataclass(frozen=True)
 class SkyWorld:
-    """What is concealed in the camera; ``motion_s`` is how far apart in time camera and meter look, rms over tests [s]."""
+    """What is concealed in the camera.
+
+    ``motion_s`` is how far apart in time camera and meter look, rms over the tests [s].
+    """
 
     camera: CameraFaults = field(default_factory=CameraFaults)
     motion_s: float = 0.0

@@ -1,4 +1,4 @@
-"""Make one case of a camera that maps the sky: draw brackets, conceal something in the camera, write what is compared."""
+"""Make one case of a sky camera: draw brackets, conceal something in the camera, write what is compared."""
 
 from dataclasses import dataclass
 

@@ -100,7 +100,10 @@ def projection(rng: np.random.Generator, station: SkyStation) -> SkyDial | None:
     most = 12.0 * _sign(rng)
     apply = _camera(lambda c, x: replace(c, shift=most * x))
     return SkyDial(
-        "projection-error", "projection", apply, lambda x: {"centre_east_deg": (most * x, "deg")},
+        "projection-error",
+        "projection",
+        apply,
+        lambda x: {"centre_east_deg": (most * x, "deg")},
         notes={"form": "centre"},
     )
 
@@ -166,8 +169,11 @@ def motion(rng: np.random.Generator, station: SkyStation) -> SkyDial | None:
     if not any(t.drift for t in station.campaign.tests):
         return None
     return SkyDial(
-        "cloud-motion", "time", lambda world, x: replace(world, motion_s=600.0 * x),
-        lambda x: {"rms_s": (600.0 * x, "s")}, inside=False,
+        "cloud-motion",
+        "time",
+        lambda world, x: replace(world, motion_s=600.0 * x),
+        lambda x: {"rms_s": (600.0 * x, "s")},
+        inside=False,
     )
 
 

@@ -1,7 +1,7 @@
 """A goniophotometer's station during a campaign: what it would truly read, and what a simulation predicts."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ class Flaws:
     max_bounces: int = 0
     isotropic: bool = False
     turn_deg: float = 0.0
-    answer: Answer = Answer()
+    answer: Answer = field(default_factory=Answer)
     room: Room | None = None
 
 
@@ -56,8 +56,8 @@ class Flaws:
 class World:
     """What is concealed in the station, and in its simulation."""
 
-    hidden: Hidden = Hidden()
-    flaws: Flaws = Flaws()
+    hidden: Hidden = field(default_factory=Hidden)
+    flaws: Flaws = field(default_factory=Flaws)
 
 
 GonioDial = Dial[World]
@@ -217,7 +217,7 @@ class Station:
             sun = test.light.sun(t)
             ends.append(sun.normal_lx * float(sun.direction[2]) + test.light.diffuse(t))
         along = (times - times.min()) / max(1, int(times.max() - times.min()))
-        return test.global_lx / ((1.0 - along) * ends[0] + along * ends[1])
+        return np.asarray(test.global_lx / ((1.0 - along) * ends[0] + along * ends[1]))
 
     def _bench(self, room: RoomFaults, arm: ArmFaults) -> Bench:
         room = replace(room, room=replace(room.room, size_m=self.campaign.room_m))
@@ -267,5 +267,3 @@ class Station:
         if DESIGNS[design].round:
             return self._shelf(Wanted(design, moulded)).turned(turn_deg + self.campaign.orientation_deg)
         return self._shelf(Wanted(design, moulded, turned_deg=turn_deg))
-
-

@@ -1,8 +1,8 @@
 """The skylights that trials are made with, and what differs between each and its simulation.
 
-The simulation's lens is the nominal one. The lens that really hangs there was moulded a little differently: facets steeper by
-0.4 degrees, normals 0.5 degrees more uneven with heavier tails, ridges rounded on one part in fifty. A trial takes a share of it
-(a zone of the sheet), from a tenth to all.
+The simulation's lens is the nominal one. The lens that really hangs there was moulded a little differently: facets
+steeper by 0.4 degrees, normals 0.5 degrees more uneven with heavier tails, ridges rounded on one part in fifty. A
+trial takes a share of it (a zone of the sheet), from a tenth to all.
 """
 
 from dataclasses import dataclass, replace
@@ -34,8 +34,10 @@ def as_moulded(lens: Lens) -> Lens:
     """The sheet as it left the mould, where the simulation has the drawing's."""
     if lens.kind != "prismatic":
         return lens
-    slopes = tuple(slope + 0.4 for slope in lens.slopes_deg)
-    return replace(lens, slopes_deg=slopes, blur_deg=lens.blur_deg + 0.5, blur_power=0.62, rounded=0.02)
+    east, west, north, south = (slope + 0.4 for slope in lens.slopes_deg)
+    return replace(
+        lens, slopes_deg=(east, west, north, south), blur_deg=lens.blur_deg + 0.5, blur_power=0.62, rounded=0.02
+    )
 
 
 def moulded(skylight: Skylight) -> Skylight:

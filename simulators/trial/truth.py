@@ -137,16 +137,33 @@ def read(path: Path) -> Truth:
         raise DataError(f"{path}: format is {raw.get('format')!r}, not {FORMAT!r}")
     concealed = tuple(
         Concealed(
-            id=c["id"], stage=c["stage"], inside=c["in_catalogue"], effect_percent=c["effect_percent"],
+            id=c["id"],
+            stage=c["stage"],
+            inside=c["in_catalogue"],
+            effect_percent=c["effect_percent"],
             raw_percent=c["effect_without_free_gain_percent"],
             parameters={k: (v["value"], v["unit"]) for k, v in c["parameters"].items()},
-            systems=tuple(c["systems"]), equivalents=tuple(c["equivalents"]), where=c["where"], notes=c["notes"],
+            systems=tuple(c["systems"]),
+            equivalents=tuple(c["equivalents"]),
+            where=c["where"],
+            notes=c["notes"],
         )
         for c in raw["hidden"]
     )
     return Truth(
-        case=raw["case"], kind=raw["kind"], seed=raw["seed"], content=raw["content"], concealed=concealed,
-        effect_percent=raw["effect_percent"], mismatch_percent=raw["mismatch_percent"],
-        nuisance_percent=raw["nuisance_percent"], free_gain=raw["free_gain_per_test"], floor=raw["floor"],
-        clean=tuple(raw["clean"]), change=tuple(raw["change"]), withheld_clean=tuple(raw["withheld_clean"]), care=raw["care"], notes=raw["notes"],
+        case=raw["case"],
+        kind=raw["kind"],
+        seed=raw["seed"],
+        content=raw["content"],
+        concealed=concealed,
+        effect_percent=raw["effect_percent"],
+        mismatch_percent=raw["mismatch_percent"],
+        nuisance_percent=raw["nuisance_percent"],
+        free_gain=raw["free_gain_per_test"],
+        floor=raw["floor"],
+        clean=tuple(raw["clean"]),
+        change=tuple(raw["change"]),
+        withheld_clean=tuple(raw["withheld_clean"]),
+        care=raw["care"],
+        notes=raw["notes"],
     )
