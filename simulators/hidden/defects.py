@@ -27,7 +27,7 @@ def with_defect(skylight: Skylight, defect: Defect, fogged: bool) -> Skylight:
 def answers(fogged: bool, gap: bool) -> tuple[Answer, Answer]:
     """Sound and fully broken."""
     if fogged:
-        return Answer(haze=0.0), Answer(haze=1.0)
+        return Answer(haze=0.0), Answer(haze=0.9999)
     return (Answer(), Answer(gap=True)) if gap else (Answer(), Answer(sector_loss=1.0))
 
 

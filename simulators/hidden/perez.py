@@ -51,9 +51,8 @@ def clearness_brightness(normal_lx: float, diffuse_lx: float, altitude_deg: floa
     return min(12.0, max(1.0, clearness)), min(0.6, max(0.01, brightness))
 
 
-def relative_luminance(directions: Floats, sun: Floats, clearness: float, brightness: float) -> Floats:
-    """Luminance over an unknown factor towards unit vectors (..., 3) above the horizon; 0 below it, never negative."""
-    zenith = math.acos(min(1.0, max(-1.0, float(sun[2]))))
+def coefficients(zenith: float, clearness: float, brightness: float) -> tuple[float, float, float, float, float]:
+    """The distribution's a, b, c, d, e for the sun's zenith angle [rad]."""
     row = _TABLE[int(np.searchsorted(CLEARNESS_EDGES, clearness, side="right"))]
     if 1.065 < clearness < 2.8:
         brightness = max(0.2, brightness)
@@ -63,6 +62,13 @@ def relative_luminance(directions: Floats, sun: Floats, clearness: float, bright
         d1, d2, d3, d4 = row[3]
         c = math.exp((brightness * (c1 + c2 * zenith)) ** c3) - c4
         d = -math.exp(brightness * (d1 + d2 * zenith)) + d3 + brightness * d4
+    return float(a), float(b), float(c), float(d), float(e)
+
+
+def relative_luminance(directions: Floats, sun: Floats, clearness: float, brightness: float) -> Floats:
+    """Luminance over an unknown factor towards unit vectors (..., 3) above the horizon; 0 below it, never negative."""
+    zenith = math.acos(min(1.0, max(-1.0, float(sun[2]))))
+    a, b, c, d, e = coefficients(zenith, clearness, brightness)
     height = np.maximum(1e-3, directions[..., 2])
     cosine = np.clip(directions @ sun, -1.0, 1.0)
     value = (1.0 + a * np.exp(b / height)) * (1.0 + c * np.exp(d * np.arccos(cosine)) + e * cosine**2)

@@ -98,7 +98,8 @@ def tables(skylight: Skylight, answers: tuple[Answer, ...]) -> tuple[Floats, Flo
             if wanted is not None and drawn > 0.0:
                 stay = (1.0 - wanted) / (1.0 - drawn)
                 factors[i, tally] *= stay**count
-                factors[i, tally + 1] *= (wanted / drawn / stay) ** count if wanted > 0.0 else count == 0
+                with np.errstate(over="ignore"):  # counts that never occur
+                    factors[i, tally + 1] *= (wanted / drawn / stay) ** count if wanted > 0.0 else count == 0
         factors[i, 0] *= wall
         factors[i, 4] *= (1.0 - answer.sector_loss) ** count
         if answer.gap:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from simulators.hidden.effects import OpticsFaults
-from simulators.hidden.responses import LIMITS
 from simulators.hidden.skylight import Defect
+from simulators.hidden.store import LIMITS
 from simulators.trial.dials import Parameters
 from simulators.trial.station import Flaws, GonioDial, Station, World
 from simulators.trial.stock import DESIGNS, TURNED

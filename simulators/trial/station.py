@@ -256,9 +256,10 @@ class Station:
         def make() -> Response:
             design = self.campaign.systems[system]
             answer = replace(flaws.answer, max_bounces=flaws.max_bounces)
-            if flaws.isotropic:
-                return self._shelf(Wanted(design, isotropic=True)).with_answer(answer)
-            return self._turned(design, flaws.turn_deg, moulded=False).with_answer(answer)
+            found = self._turned(design, flaws.turn_deg, moulded=False)
+            if flaws.isotropic:  # its answers are those of the same rays' walls and lenses, in proportion
+                found = replace(found, base=self._shelf(Wanted(design, isotropic=True)).base)
+            return found.with_answer(answer)
 
         return self._kept(("predicted", system, replace(flaws, far=False, room=None)), make)
 
