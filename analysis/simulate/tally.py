@@ -152,10 +152,11 @@ class Tally:
             raise SimulationError("the run has no near field", "give a distance")
         use = smoothing or smoother(gamma_deg, c_deg, self.sides())
         f = 1 if field == "near" else 0
-        sharp, soft = self.collapsed(wall_reflectance, max_bounces)
-        parts = [smooth(sharp[:, f], use.sharp)]
+        weights = self.bounce_weights(wall_reflectance, max_bounces)
+        sharp, soft = (_added(hits[:, :, :, f], weights) for hits in (self.sharp, self.soft))
+        parts = [smooth(sharp, use.sharp)]
         if soft.any():
-            parts.append(smooth(soft[:, f], use.soft))
+            parts.append(smooth(soft, use.soft))
         shape = (self.members, *use.shape)
         candela = np.maximum(sum(part[0] for part in parts), 0.0)
         variance = np.asarray(sum(part[1] ** 2 for part in parts))
@@ -188,7 +189,9 @@ class Tally:
 
 
 def _added(hits: NDArray[Any], weights: Floats) -> Floats:
+    """Weighted sum over both axes of bounces, without a copy of the counts."""
     batches, classes, counts, *rest = hits.shape
-    factors = weights[:classes, :counts].astype(hits.dtype).ravel()
-    total = np.einsum("k,bkr->br", factors, hits.reshape(batches, classes * counts, -1))
-    return np.asarray(total, dtype=np.float64).reshape(batches, *rest)
+    total = np.zeros((batches, *rest))
+    for boot, wall in np.argwhere(weights[:classes, :counts]):
+        total += weights[boot, wall] * hits[:, boot, wall]
+    return total

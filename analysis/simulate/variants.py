@@ -7,9 +7,10 @@ traced again, once for each changed skylight or sun, for all tests together.
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -82,10 +83,19 @@ class Parts:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A prediction in the far field, and at the sensors' distance."""
+    """A prediction in the far field, and at the sensors' distance; each is made of the tallies when asked for."""
 
-    far: Parts
-    near: Parts
+    _made: Callable[[Field], Parts] = field(repr=False)
+
+    @cached_property
+    def far(self) -> Parts:
+        """Seen from infinitely far away."""
+        return self._made("far")
+
+    @cached_property
+    def near(self) -> Parts:
+        """Illuminance at the sensors times the square of their distance."""
+        return self._made("near")
 
 
 @dataclass(frozen=True)
@@ -158,9 +168,7 @@ def variants(
         assert sky is not None
         return _outcome(sun, sky, len(tests), gamma_deg, c_deg, plan.wall_reflectance, plan.max_bounces)
 
-    _outcome(tallies.get(plans[0].sun_key), _there(tallies[plans[0].sky_key]), len(tests), gamma_deg, c_deg, None, None)
-    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
-        outcomes = list(pool.map(outcome, plans))
+    outcomes = [outcome(plan) for plan in plans]
     base = (tallies.get(plans[0].sun_key), _there(tallies[plans[0].sky_key]))
     named = tuple(zip(changes, outcomes[1:], strict=True))
     return VariantSet(system, tuple(tests), gamma_deg, c_deg, outcomes[0], named, base)
@@ -308,21 +316,15 @@ def _outcome(
     max_bounces: int | None,
 ) -> Outcome:
     gamma, c = _mesh(gamma_deg, c_deg)
-    nothing = np.zeros((tests, len(c_deg), len(gamma_deg)))
-    fields = []
-    for name in ("far", "near"):
+
+    def made(name: Field) -> Parts:
         found: list[Floats] = []
         for tally in (sun, sky):
             if tally is None:
-                found += [nothing, nothing]
+                found += [np.zeros((tests, len(c_deg), len(gamma_deg)))] * 2
                 continue
-            part = tally.intensity(
-                gamma,
-                c,
-                "near" if name == "near" else "far",
-                wall_reflectance=wall_reflectance,
-                max_bounces=max_bounces,
-            )
+            part = tally.intensity(gamma, c, name, wall_reflectance=wall_reflectance, max_bounces=max_bounces)
             found += [_closed(part.candela), _closed(part.uncertainty)]
-        fields.append(Parts(found[0], found[2], found[1], found[3]))
-    return Outcome(*fields)
+        return Parts(found[0], found[2], found[1], found[3])
+
+    return Outcome(made)
