@@ -1,0 +1,133 @@
+"""Predicted intensity as fields over the whole lower hemisphere, sun part and sky part apart.
+
+A mechanism may need the light in directions that no sensor looked in (the room is lit by all of it, a turned arm
+samples between the planes). The fields come from the case's .ies files where it brings them, else they are
+interpolated from the records themselves.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from analysis.cases import Case
+from analysis.cases.model import Floats, Parts
+from analysis.explain.readings import GONIOMETER, Readings
+
+GAMMA_DEG: Floats = np.arange(0.0, 90.1, 2.5)
+"""Gammas of the fields [deg]; shape (G,)."""
+C_DEG: Floats = np.arange(0.0, 360.0, 5.0)
+"""C-planes of the fields [deg], periodic; shape (P,)."""
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Luminous intensity [cd] of each test on the grid `GAMMA_DEG` x `C_DEG`.
+
+    Attributes
+    ----------
+    sun, sky : shape (T, P, G) [cd]
+        The parts; where a test's parts are not known apart, all of it is in ``sun`` and ``sky`` is zero.
+    """
+
+    sun: Floats
+    sky: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Sun and sky together; shape (T, P, G) [cd]."""
+        return self.sun + self.sky
+
+
+def solid_angle() -> Floats:
+    """Solid angle of each grid cell [sr], shape (P, G); sums to 2π."""
+    edge = np.radians(np.concatenate([[0.0], (GAMMA_DEG[1:] + GAMMA_DEG[:-1]) / 2, [90.0]]))
+    ring = np.cos(edge[:-1]) - np.cos(edge[1:])
+    return np.broadcast_to(ring * np.radians(C_DEG[1]), (len(C_DEG), len(GAMMA_DEG)))
+
+
+def fields_of(readings: Readings) -> Fields:
+    """Fields of every test that has goniometer rows (zeros for the others)."""
+    shape = (len(readings.case.tests), len(C_DEG), len(GAMMA_DEG))
+    sun, sky = np.zeros(shape), np.zeros(shape)
+    for k, test in enumerate(readings.case.tests):
+        if test.simulated is not None:
+            sun[k], sky[k] = from_files(readings.case, test.simulated)
+            continue
+        rows = (readings.test == k) & (readings.kind == GONIOMETER)
+        if not np.any(rows):
+            continue
+        part = readings.only(rows)
+        if readings.has_parts:
+            sun[k] = _from_rows(part.gamma_deg, part.c_deg, part.sun)
+            sky[k] = _from_rows(part.gamma_deg, part.c_deg, part.sky)
+        else:
+            sun[k] = _from_rows(part.gamma_deg, part.c_deg, part.simulated)
+    return Fields(sun, sky)
+
+
+def from_files(case: Case, parts: Parts) -> tuple[Floats, Floats]:
+    """Sun and sky part (P, G) [cd] of one test from its .ies files."""
+    from analysis.photometry.lm63 import read_lm63
+
+    def grid(name: str | None) -> Floats:
+        if name is None:
+            return np.zeros((len(C_DEG), len(GAMMA_DEG)))
+        return read_lm63(case.folder / name).distribution.at(GAMMA_DEG[None, :], C_DEG[:, None])
+
+    return (grid(parts.total), grid(None)) if parts.total and not parts.sun else (grid(parts.sun), grid(parts.sky))
+
+
+def _from_rows(gamma_deg: Floats, c_deg: Floats, candela: Floats) -> Floats:
+    """Interpolate scattered-by-ring values to the grid: periodic spline in C, monotone in gamma; (P, G) [cd]."""
+    rings = np.unique(np.round(gamma_deg, 3))
+    values = np.empty((len(C_DEG), len(rings)))
+    for j, ring in enumerate(rings):
+        here = np.abs(gamma_deg - ring) < 1e-3
+        values[:, j] = _around(c_deg[here], candela[here])
+    if rings[0] == 0.0:
+        values[:, 0] = values[:, 0].mean()
+    gamma, table = rings, values
+    if rings[-1] < 90.0:
+        gamma = np.append(rings, 90.0)
+        table = np.concatenate([values, np.zeros((len(C_DEG), 1))], axis=1)
+    if len(gamma) == 1:
+        return np.repeat(table, len(GAMMA_DEG), axis=1)
+    inside = np.clip(GAMMA_DEG, gamma[0], gamma[-1])
+    return np.asarray(np.maximum(PchipInterpolator(gamma, table, axis=1)(inside), 0.0))
+
+
+def _around(c_deg: Floats, candela: Floats) -> Floats:
+    """Values of one ring at `C_DEG`: mean of repeats, then a periodic cubic spline (linear under four planes)."""
+    planes, where = np.unique(np.round(c_deg, 3), return_inverse=True)
+    mean = np.bincount(where, weights=candela) / np.bincount(where)
+    if len(planes) < 4:
+        return np.interp(C_DEG, planes, mean, period=360.0)
+    spline = CubicSpline(np.append(planes, planes[0] + 360.0), np.append(mean, mean[0]), bc_type="periodic")
+    return np.asarray(spline(planes[0] + np.mod(C_DEG - planes[0], 360.0)), dtype=np.float64)
+
+
+class Sampler:
+    """Reads fields at directions: bilinear in gamma and C, with the weights worked out once."""
+
+    def __init__(self, test: np.ndarray, gamma_deg: Floats, c_deg: Floats) -> None:
+        self._test = test
+        gamma, c = _folded(gamma_deg, c_deg)
+        x = np.clip(gamma / GAMMA_DEG[1], 0.0, len(GAMMA_DEG) - 1.000001)
+        y = np.mod(c, 360.0) / C_DEG[1]
+        self._i = x.astype(np.intp)
+        self._j = y.astype(np.intp) % len(C_DEG)
+        self._u, self._v = x - self._i, y - np.floor(y)
+
+    def __call__(self, field: Floats) -> Floats:
+        """Values (N,) of a field (T, P, G)."""
+        t, i, j, u, v = self._test, self._i, self._j, self._u, self._v
+        k = (j + 1) % len(C_DEG)
+        low = (1 - u) * field[t, j, i] + u * field[t, j, i + 1]
+        high = (1 - u) * field[t, k, i] + u * field[t, k, i + 1]
+        return np.asarray((1 - v) * low + v * high)
+
+
+def _folded(gamma_deg: Floats, c_deg: Floats) -> tuple[Floats, Floats]:
+    """A negative gamma is the same angle in the opposite half-plane."""
+    return np.abs(gamma_deg), np.where(gamma_deg < 0, c_deg + 180.0, c_deg)

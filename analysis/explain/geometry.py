@@ -1,0 +1,129 @@
+"""Geometry that mechanisms share: blurring on the sphere, the aperture seen from near, the lit room."""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from scipy import sparse
+
+from analysis.cases.model import Aperture, Floats
+from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.explain.scene import Scene
+from labdaq import directions
+
+CELLS = len(C_DEG) * len(GAMMA_DEG)
+
+
+@lru_cache(maxsize=1)
+def grid_vectors() -> Floats:
+    """Unit vectors of the field grid; shape (P*G, 3)."""
+    return directions.vector(GAMMA_DEG[None, :], C_DEG[:, None]).reshape(-1, 3)
+
+
+@lru_cache(maxsize=24)
+def _blur_matrix(sigma_deg: float) -> sparse.csr_matrix:
+    """Spread each cell's light over a Gaussian of ``sigma_deg``, keeping what stays below the horizon; (cells,
+    cells)."""
+    v = grid_vectors()
+    weight = solid_angle().reshape(-1)
+    kappa = 1.0 / np.radians(sigma_deg) ** 2
+    kernel = np.exp(kappa * (v @ v.T - 1.0))
+    kernel[kernel < 1e-3] = 0.0
+    kernel *= weight[:, None] * 1.0
+    # column j: where the light of cell j goes; each column sums to one in flux (weight on the receiving side)
+    kernel /= kernel.sum(axis=0)
+    return sparse.csr_matrix((kernel * weight[None, :]) / weight[:, None])
+
+
+def blurred(scene: Scene, field: Floats, sigma_deg: float) -> Floats:
+    """The field (T, P, G) [cd] with its light spread by a Gaussian of ``sigma_deg`` rms [deg]; flux is kept."""
+    at = np.array([2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0])
+    x = float(np.clip(sigma_deg, at[0], at[-1]))
+    k = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
+    w = (x - at[k]) / (at[k + 1] - at[k])
+    flat = field.reshape(len(field), -1).T
+    low, high = _blur_matrix(float(at[k])) @ flat, _blur_matrix(float(at[k + 1])) @ flat
+    return np.asarray(((1 - w) * low + w * high).T.reshape(field.shape))
+
+
+def bilinear(gamma_deg: Floats, c_deg: Floats) -> sparse.csr_matrix:
+    """Matrix (M, cells) that reads a flattened field at M directions; zero at and beyond the horizon."""
+    x = np.clip(gamma_deg / GAMMA_DEG[1], 0.0, len(GAMMA_DEG) - 1.000001)
+    y = np.mod(c_deg, 360.0) / C_DEG[1]
+    i, j = x.astype(np.intp), y.astype(np.intp) % len(C_DEG)
+    u, v = x - i, y - np.floor(y)
+    inside = gamma_deg < 90.0
+    rows = np.arange(len(x))
+    entries: list[tuple[Floats, np.ndarray]] = []
+    for dj, wj in ((0, 1 - v), (1, v)):
+        for di, wi in ((0, 1 - u), (1, u)):
+            column = (j + dj) % len(C_DEG) * len(GAMMA_DEG) + i + di
+            entries.append((wi * wj * inside, column))
+    data = np.concatenate([e[0] for e in entries])
+    columns = np.concatenate([e[1] for e in entries])
+    return sparse.csr_matrix((data, (np.tile(rows, 4), columns)), shape=(len(x), CELLS))
+
+
+def aperture_points(aperture: Aperture, across: int = 7) -> Floats:
+    """Points spread evenly over the opening, equal area each; shape (K, 2) [m]."""
+    u = (np.arange(across) + 0.5) / across
+    if aperture.shape == "rectangle":
+        assert aperture.size_m is not None
+        x, y = np.meshgrid((u - 0.5) * aperture.size_m[0], (u - 0.5) * aperture.size_m[1])
+        return np.stack([x.ravel(), y.ravel()], axis=1)
+    assert aperture.diameter_m is not None
+    radius, turn = np.meshgrid(np.sqrt(u) * aperture.diameter_m / 2, 2 * np.pi * (np.arange(12) + 0.5) / 12)
+    return np.stack([(radius * np.cos(turn)).ravel(), (radius * np.sin(turn)).ravel()], axis=1)
+
+
+def near_field_matrix(aperture: Aperture, distance_m: float) -> sparse.csr_matrix:
+    """From far-field intensity to d²E at sensors ``distance_m`` from the aperture's centre; (cells, cells).
+
+    E = (1/A) ∫ I(direction from the point) cos(angle at the sensor) / l² dA: each part of the opening sends out the
+    same distribution (inverse-square law, e.g. Simons and Bean, Lighting Engineering, chapter 3). Sensors face
+    the centre of the aperture.
+    """
+    points = aperture_points(aperture)
+    sensors = distance_m * grid_vectors()
+    total: sparse.csr_matrix | None = None
+    for x, y in points:
+        ray = sensors - np.array([x, y, 0.0])
+        length2 = np.sum(ray**2, axis=1)
+        cosine = np.sum(ray * sensors, axis=1) / (np.sqrt(length2) * distance_m)
+        gamma, c = directions.gamma_c(ray)
+        weight = distance_m**2 * np.maximum(cosine, 0.0) / length2 / len(points)
+        part = sparse.diags(weight) @ bilinear(gamma, c)
+        total = part if total is None else total + part
+    return sparse.csr_matrix(total)
+
+
+def apply_operator(matrix: sparse.csr_matrix, field: Floats) -> Floats:
+    """Apply a (cells, cells) matrix to each test's field (T, P, G)."""
+    return np.asarray((matrix @ field.reshape(len(field), -1).T).T.reshape(field.shape))
+
+
+def room_patches(size_m: tuple[float, float, float], across: int = 14) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """Patches of floor and walls: centres (K, 3), inward normals (K, 3), areas (K,); origin in the ceiling's centre."""
+    width, depth, height = size_m
+    u = (np.arange(across) + 0.5) / across
+
+    def sheet(
+        at: Callable[[Floats, Floats], list[Floats]], normal: list[float], area: float
+    ) -> tuple[Floats, Floats, Floats]:
+        a, b = np.meshgrid(u, u)
+        centre = np.stack([np.broadcast_to(c, a.shape).ravel() for c in at(a, b)], axis=1)
+        return centre, np.broadcast_to(np.array(normal), centre.shape), np.full(a.size, area / a.size)
+
+    def span(x: Floats, length: float) -> Floats:
+        return (x - 0.5) * length
+
+    flat = np.zeros((across, across))
+    floor = sheet(lambda a, b: [span(a, width), span(b, depth), flat - height], [0, 0, 1], width * depth)
+    sides = [
+        sheet(lambda a, b: [flat - width / 2, span(a, depth), -b * height], [1, 0, 0], depth * height),
+        sheet(lambda a, b: [flat + width / 2, span(a, depth), -b * height], [-1, 0, 0], depth * height),
+        sheet(lambda a, b: [span(a, width), flat - depth / 2, -b * height], [0, 1, 0], width * height),
+        sheet(lambda a, b: [span(a, width), flat + depth / 2, -b * height], [0, -1, 0], width * height),
+    ]
+    walls = tuple(np.concatenate([s[k] for s in sides]) for k in range(3))
+    return {"floor": floor, "walls": (walls[0], walls[1], walls[2])}

@@ -1,0 +1,153 @@
+"""The scene of a case: readings, predicted fields, and what mechanisms need to know of room and geometry."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cases.model import Floats, Goniometer
+from analysis.explain.fields import Fields, Sampler, fields_of
+from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
+from analysis.explain.retrace import Retraced
+
+_TRUST = (0.2, 5.0)  # how far a record's own prediction may differ from the field read at its direction
+
+
+@dataclass
+class Light:
+    """The predicted light on its way to the readings; mechanisms change it in the order of the chain.
+
+    Attributes
+    ----------
+    sun_factor, sky_factor : shape (N,)
+        Factors on the sun and sky part at each row.
+    sun, sky, added : shape (T, P, G) [cd]
+        Fields of the parts, and of light that does not come through the aperture.
+    gamma_deg, c_deg : shape (N,) [deg]
+        Where the sensors really were.
+    """
+
+    sun_factor: Floats
+    sky_factor: Floats
+    sun: Floats
+    sky: Floats
+    added: Floats
+    gamma_deg: Floats
+    c_deg: Floats
+    moved: bool = False
+
+    def factor_of_tests(self, test: NDArray[np.int64], count: int) -> tuple[Floats, Floats]:
+        """Mean factors of each test; shapes (T,), (T,)."""
+        n = np.maximum(np.bincount(test, minlength=count), 1)
+        sun = np.bincount(test, weights=self.sun_factor, minlength=count) / n
+        sky = np.bincount(test, weights=self.sky_factor, minlength=count) / n
+        return sun, sky
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything the forward models read; built once per explanation.
+
+    Attributes
+    ----------
+    retraced
+        The case's variants and our own re-simulations; ``None`` where neither can be had.
+    """
+
+    readings: Readings
+    retraced: Retraced | None = None
+    memory: dict[object, Floats] = field(default_factory=dict)
+
+    def remember(self, work: Callable[["Scene"], Floats]) -> Floats:
+        """The array that ``work`` makes of this scene, made once."""
+        if work not in self.memory:
+            self.memory[work] = work(self)
+        return self.memory[work]
+
+    @cached_property
+    def fields(self) -> Fields:
+        """Predicted fields of every test."""
+        return fields_of(self.readings)
+
+    @cached_property
+    def is_gonio(self) -> NDArray[np.bool_]:
+        """Rows of the goniometer; shape (N,)."""
+        return np.asarray(self.readings.kind == GONIOMETER)
+
+    @cached_property
+    def is_roof(self) -> NDArray[np.bool_]:
+        """Rows of illuminance meters on the roof; shape (N,)."""
+        return np.asarray(self.readings.kind == ROOF)
+
+    @cached_property
+    def is_sky(self) -> NDArray[np.bool_]:
+        """Rows of luminance meters and cameras; shape (N,)."""
+        return np.asarray(self.readings.kind == SKY)
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of channel that occur."""
+        return tuple(k for k in (GONIOMETER, ROOF, SKY) if np.any(self.readings.kind == k))
+
+    @property
+    def goniometer(self) -> Goniometer | None:
+        """The arm, if the case describes it."""
+        return self.readings.case.setup.goniometer
+
+    @cached_property
+    def _nominal(self) -> Sampler:
+        r = self.readings
+        gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
+        return Sampler(r.test, gamma, c)
+
+    @cached_property
+    def _nominal_parts(self) -> tuple[Floats, Floats]:
+        return self._nominal(self.fields.sun), self._nominal(self.fields.sky)
+
+    def dark_light(self) -> Light:
+        """The light as the case predicts it, before any mechanism."""
+        r = self.readings
+        one = np.ones(len(r))
+        gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
+        f = self.fields
+        return Light(one, one.copy(), f.sun, f.sky, np.zeros((1, 1, 1)), gamma, c)
+
+    def read(self, light: Light) -> Floats:
+        """What perfect sensors would read [cd, lx, cd/m²]; shape (N,).
+
+        On goniometer rows the change of the field is added to the record's own prediction, rescaled by the
+        ratio of the two where the file and the field disagree a little (rounding, interpolation).
+        """
+        r = self.readings
+        values = np.where(np.isfinite(r.sun), light.sun_factor * r.sun + light.sky_factor * r.sky, r.simulated)
+        values = np.where(np.isfinite(r.sun), values, r.simulated * light.sun_factor)
+        if not np.any(self.is_gonio):
+            return values
+        base_sun, base_sky = self._nominal_parts
+        base = base_sun + base_sky
+        sampler = Sampler(r.test, light.gamma_deg, light.c_deg) if light.moved else self._nominal
+        now = light.sun_factor * sampler(light.sun) + light.sky_factor * sampler(light.sky)
+        trust = np.clip(np.divide(r.simulated, base, out=np.ones(len(r)), where=base > 0), *_TRUST)
+        change = (now - base) * trust
+        if light.added.size > 1:
+            change = change + sampler(light.added)
+        return np.where(self.is_gonio, r.simulated + change, values)
+
+    # facts per row
+
+    @cached_property
+    def beam_lx(self) -> Floats:
+        """Horizontal beam illuminance of each test [lx], global minus diffuse; NaN where unknown; shape (T,)."""
+        return np.maximum(self.readings.global_lx - self.readings.diffuse_lx, 0.0)
+
+    @cached_property
+    def knows_split(self) -> bool:
+        """Whether global and diffuse illuminance are known for every test, and the parts for every row."""
+        return self.readings.has_parts and bool(np.all(np.isfinite(self.beam_lx)))
+
+    @cached_property
+    def sun_zenith_at(self) -> Floats:
+        """Sun zenith angle at each row [rad]; shape (N,)."""
+        return np.radians(90.0 - self.readings.sun_altitude_at_deg)
