@@ -1,0 +1,1 @@
+"""Mechanisms: physics that a prediction may have left out, one class each."""

@@ -1,0 +1,202 @@
+"""What a mechanism is: physics that a prediction may have left out, as a forward model with parameters.
+
+A mechanism changes the predicted light (`Mechanism.illuminate`) or what a sensor makes of it (`Mechanism.respond`).
+Several can act together; they are applied in the order of the chain, from the sun to the sensor.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cases.model import Floats
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+
+class Stage(IntEnum):
+    """Where in the chain a mechanism acts; the order is the order of application."""
+
+    SUN_AND_SKY = 0
+    ROOF_METERS = 1
+    OPTICS = 2
+    WELL = 3
+    GONIOMETER = 4
+    ROOM = 5
+    TIME = 6
+    CAMERA = 7
+    SENSORS = 8
+
+    @property
+    def label(self) -> str:
+        """The name used in the catalogue."""
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One of several discrete ways in which a mechanism can act: which channel, which form, which variant.
+
+    Attributes
+    ----------
+    label
+        Names the way, in words; the same in every case of a station.
+    value
+        What the mechanism needs to act this way.
+    facts
+        Numbers taken from the case that was fitted (a reference level, say), so that the same law can be applied
+        to another case.
+    """
+
+    label: str = ""
+    value: Any = None
+    facts: dict[str, float] = field(default_factory=dict)
+
+
+Reported = dict[str, dict[str, float | str]]
+"""Parameters as they are told: name to value, uncertainty and unit."""
+
+
+def _digits(x: float) -> float:
+    return float(f"{x:.5g}")
+
+
+def told(value: float, uncertainty: float, unit: str) -> dict[str, float | str]:
+    """One parameter as it is told."""
+    return {"value": _digits(value), "uncertainty": _digits(uncertainty), "unit": unit}
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Base of all mechanisms; subclasses are stateless and implement one or both hooks.
+
+    Class attributes ``id``, ``stage``, ``leaves_out`` (what a prediction without it leaves out), ``parameters``,
+    ``needs`` (what a case must bring), ``source`` (paper, standard, manual), ``tie_breaker`` (a cheap measurement
+    that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
+    formula), ``form_error`` (how wrong the form itself may be, relative to the effect).
+    """
+
+    id: ClassVar[str]
+    stage: ClassVar[Stage]
+    leaves_out: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    needs: ClassVar[str] = "readings and prediction"
+    source: ClassVar[str]
+    tie_breaker: ClassVar[str] = ""
+    kinds: ClassVar[tuple[str, ...]] = ("goniometer",)
+    random: ClassVar[bool] = False
+    form_error: ClassVar[float] = 0.08
+
+    def why_not(self, scene: Scene) -> str:
+        """Why this case cannot be tried for the mechanism; empty when it can."""
+        return ""
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """The discrete ways to try."""
+        return (Branch(),)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """The parameters with ranges that fit the case (an offset's prior depends on the size of the readings)."""
+        return self.parameters
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Change the light on its way; ``p`` are the parameters."""
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """What the sensors make of ``values`` (N,)."""
+        return values
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """One sentence on what was found, for the report."""
+        return self.leaves_out
+
+    def report(self, p: Floats, sd: Floats, term: "Term") -> Reported:
+        """Fitted parameters as they are told: name to value, standard uncertainty and unit."""
+        return {
+            q.name: {"value": _digits(x * q.per_unit), "uncertainty": _digits(u * q.per_unit), "unit": q.unit}
+            for q, x, u in zip(term.parameters, p, sd, strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class Term:
+    """A mechanism acting in one of its ways, with its parameters as they are in this case.
+
+    ``tests`` holds the tests in which it acts (a state may change during a campaign); ``None`` means all.
+    """
+
+    mechanism: Mechanism
+    branch: Branch
+    parameters: tuple[Parameter, ...]
+    tests: frozenset[int] | None = None
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats) -> None:
+        """Change the light, in the tests where the mechanism acts."""
+        if self.tests is None:
+            self.mechanism.illuminate(scene, light, p, self.branch)
+            return
+        before = replace(light)
+        self.mechanism.illuminate(scene, light, p, self.branch)
+        rows, fields = self._rows(scene), np.isin(np.arange(len(light.sun)), list(self.tests))[:, None, None]
+        for name in ("sun_factor", "sky_factor", "gamma_deg", "c_deg"):
+            setattr(light, name, np.where(rows, getattr(light, name), getattr(before, name)))
+        for name in ("sun", "sky"):
+            setattr(light, name, np.where(fields, getattr(light, name), getattr(before, name)))
+        if light.added.size > 1:
+            light.added = np.where(fields, light.added, before.added)
+
+    def respond(self, scene: Scene, values: Floats, p: Floats) -> Floats:
+        """What the sensors make of ``values``, in the tests where the mechanism acts."""
+        made = self.mechanism.respond(scene, values, p, self.branch)
+        return made if self.tests is None else np.where(self._rows(scene), made, values)
+
+    def _rows(self, scene: Scene) -> NDArray[np.bool_]:
+        assert self.tests is not None
+        return np.isin(scene.readings.test, list(self.tests))
+
+
+def terms_of(mechanism: Mechanism, scene: Scene) -> tuple[Term, ...]:
+    """All the ways in which ``mechanism`` can act in ``scene``; roof meters also from some test on, or until one."""
+    ways = tuple(Term(mechanism, b, mechanism.parameters_in(scene, b)) for b in mechanism.branches(scene))
+    if mechanism.stage is not Stage.ROOF_METERS or scene.kinds != ("roof",):
+        return ways
+    return (*ways, *(_during(way, scene, *state) for way in ways for state in _states(scene)))
+
+
+def _states(scene: Scene) -> list[tuple[str, frozenset[int]]]:
+    """Stretches of the campaign that end or begin at a test, in the order of time (or of the case, without times)."""
+    r = scene.readings
+    present = np.unique(r.test)
+    if r.has_times:
+        present = present[np.argsort([r.utc_ns[r.test == k].mean() for k in present])]
+    states = []
+    for cut in range(1, len(present)):
+        name = r.case.tests[present[cut]].id
+        states.append((f"until before {name}", frozenset(int(k) for k in present[:cut])))
+        states.append((f"from {name} on", frozenset(int(k) for k in present[cut:])))
+    return states
+
+
+def _during(way: Term, scene: Scene, label: str, tests: frozenset[int]) -> Term:
+    branch = replace(way.branch, label=f"{way.branch.label}, {label}")
+    return replace(way, branch=branch, tests=tests)
+
+
+def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
+    """Readings predicted with ``terms`` at parameters ``theta`` (all terms' parameters in a row); shape (N,)."""
+    parts: list[tuple[Term, Floats]] = []
+    k = 0
+    for term in terms:
+        n = len(term.parameters)
+        parts.append((term, np.asarray(theta[k : k + n], dtype=np.float64)))
+        k += n
+    parts.sort(key=lambda item: item[0].mechanism.stage)
+    light = scene.dark_light()
+    for term, p in parts:
+        term.illuminate(scene, light, p)
+    values = scene.read(light)
+    for term, p in parts:
+        values = term.respond(scene, values, p)
+    return values

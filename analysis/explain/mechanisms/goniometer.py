@@ -1,0 +1,208 @@
+"""The goniometer: where its sensors really were."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from scipy import sparse
+
+from analysis.cases.model import Aperture, Floats
+from analysis.explain.geometry import apply_operator, near_field_matrix
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+
+@lru_cache(maxsize=8)
+def _near_matrix(shape: str, size: tuple[float, ...], distance_m: float) -> sparse.csr_matrix:
+    aperture = (
+        Aperture(shape="rectangle", size_m=(size[0], size[1]))
+        if shape == "rectangle"
+        else Aperture(shape="disc", diameter_m=size[0])
+    )
+    return near_field_matrix(aperture, distance_m)
+
+
+class NearField(Mechanism):
+    """The sensors are not infinitely far away: each sees the aperture's parts under different angles."""
+
+    id = "near-field"
+    stage = Stage.GONIOMETER
+    leaves_out = "The sensors are not infinitely far from the aperture; the simulation gave far-field intensities."
+    parameters = (
+        Parameter(
+            "weight", "1", "share of the far-to-near change that is seen (1 = all)", 0.0, 1.6, 0.15, (1.0,), centre=1.0
+        ),
+    )
+    needs = "goniometer distance; aperture of each system"
+    source = (
+        "E = ∫ L cos cos / l² dA over the aperture; the five-times rule (report ch. 1); own "
+        "re-simulation where possible"
+    )
+    tie_breaker = "the same scan with the arm's radius changed by a tenth"
+
+    def why_not(self, scene: Scene) -> str:
+        """Only a far-field prediction can lack it."""
+        case = scene.readings.case
+        if case.setup.simulation.field == "near":
+            return "the simulation already predicts at the sensors' distance"
+        known = scene.goniometer and all(
+            (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests
+        )
+        return "" if known else "goniometer distance and the systems' apertures are not all given"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """By re-simulation where there is one, and in closed form."""
+        retraced = scene.retraced is not None and scene.retraced.near_field() is not None
+        return (Branch("traced"),) if retraced else (Branch("closed form"),)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Move both parts from far towards near."""
+        assert scene.goniometer is not None
+        if (
+            branch.label == "traced"
+            and scene.retraced is not None
+            and (near := scene.retraced.near_field()) is not None
+        ):
+            sun, sky = near
+            light.sun = light.sun + p[0] * (sun - 1.0) * light.sun
+            light.sky = light.sky + p[0] * (sky - 1.0) * light.sky
+            return
+        case = scene.readings.case
+        new_sun, new_sky = light.sun.copy(), light.sky.copy()
+        for k in np.unique(scene.readings.system):
+            rows = np.flatnonzero(scene.readings.system == k)
+            system = case.system_of(case.tests[rows[0]])
+            assert system is not None
+            assert system.aperture is not None
+            a = system.aperture
+            size = a.size_m if a.shape == "rectangle" else (a.diameter_m,)
+            matrix = _near_matrix(a.shape, tuple(float(x) for x in size or () if x), scene.goniometer.distance_m)
+            for old, new in ((light.sun, new_sun), (light.sky, new_sky)):
+                new[rows] += p[0] * (apply_operator(matrix, old[rows]) - old[rows])
+        light.sun, light.sky = new_sun, new_sky
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say it."""
+        return (
+            "The sensors are so near that they see the aperture's parts under different angles; "
+            "the simulation was far-field."
+        )
+
+
+class GammaOffset(Mechanism):
+    """The arm's vertical angle is off by a constant."""
+
+    id = "gamma-offset"
+    stage = Stage.GONIOMETER
+    leaves_out = "The arm's vertical angle is off."
+    parameters = (
+        Parameter("offset_deg", "deg", "true gamma minus the recorded one", -12.0, 12.0, 1.5, (-3.0, -1.0, 1.0, 3.0)),
+    )
+    source = "I(gamma + d, C)"
+    tie_breaker = "a spirit level on the arm"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Sample the fields elsewhere."""
+        light.gamma_deg = light.gamma_deg + p[0]
+        light.moved = True
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say by how much."""
+        return f"The sensors were {abs(p[0]):.2f}° {'further from' if p[0] > 0 else 'nearer to'} nadir than recorded."
+
+
+class COffset(Mechanism):
+    """The arm's azimuth is off by a constant."""
+
+    id = "c-offset"
+    stage = Stage.GONIOMETER
+    leaves_out = "The arm's azimuth is off."
+    parameters = (
+        Parameter(
+            "offset_deg",
+            "deg",
+            "true C minus the recorded one",
+            -180.0,
+            180.0,
+            6.0,
+            (-40.0, -15.0, -5.0, 5.0, 15.0, 40.0),
+        ),
+    )
+    source = "I(gamma, C + d)"
+    tie_breaker = "a lamp in a known direction, or a compass and the magnetic declination"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Sample the fields elsewhere."""
+        light.c_deg = light.c_deg + p[0]
+        light.moved = True
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say by how much."""
+        return f"The planes were turned by {p[0]:+.1f}° in C against the recorded ones."
+
+
+class CHandedness(Mechanism):
+    """C runs clockwise seen from above instead of counter-clockwise."""
+
+    id = "c-handedness"
+    stage = Stage.GONIOMETER
+    leaves_out = "C runs the other way round: east and west are exchanged."
+    parameters = (Parameter("zero_deg", "deg", "true C where the recorded C is 0", -180.0, 180.0, 3.0, (0.0,)),)
+    source = "I(gamma, d - C); report ch. 8, figures 77 and 79"
+    tie_breaker = "a lamp in the east"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Mirrored at the north-south axis, or at the east-west axis (C zero in the south)."""
+        return (Branch("zero in the north", 0.0), Branch("zero in the south", 180.0))
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Sample the mirrored fields."""
+        light.c_deg = float(branch.value) + p[0] - light.c_deg
+        light.moved = True
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say where zero is."""
+        return (
+            f"The planes run the other way round (C = 0 lies at {branch.value + p[0]:.0f}°): east "
+            "and west are exchanged."
+        )
+
+
+class ChannelSwap(Mechanism):
+    """Two sensors are wired crosswise."""
+
+    id = "channel-swap"
+    stage = Stage.GONIOMETER
+    leaves_out = "Two sensors are wired crosswise."
+    source = "records of channel a hold the readings of sensor b and the other way round"
+    tie_breaker = "cover one sensor and see which channel goes dark"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """All pairs of goniometer channels that look at different gammas."""
+        r = scene.readings
+        angle = {int(k): float(np.median(r.gamma_deg[r.channel == k])) for k in np.unique(r.channel[scene.is_gonio])}
+        names = r.case.channels
+        ids = sorted(angle, key=lambda k: angle[k])
+        return tuple(
+            Branch(f"{names[a].id} and {names[b].id}", (a, b, angle[a], angle[b]))
+            for i, a in enumerate(ids)
+            for b in ids[i + 1 :]
+            if not math.isclose(angle[a], angle[b])
+        )
+
+    def why_not(self, scene: Scene) -> str:
+        """One channel cannot be swapped."""
+        return "" if self.branches(scene) else "there are no two channels at different angles"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Look where the other sensor was."""
+        a, b, angle_a, angle_b = branch.value
+        channel = scene.readings.channel
+        shift = np.where(channel == a, angle_b - angle_a, np.where(channel == b, angle_a - angle_b, 0.0))
+        light.gamma_deg = light.gamma_deg + shift
+        light.moved = True
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Name the two."""
+        return f"The sensors of {branch.label} are wired crosswise."

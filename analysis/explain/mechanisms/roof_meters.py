@@ -1,0 +1,240 @@
+"""Roof meters: illuminance meters that are not level, not cosine-true, not well calibrated, or at their end.
+
+On a case that has roof channels they act on those readings. On a case that has only the goniometer they act through the
+sun's brightness, which the simulation took from the difference of the roof's global and diffuse readings.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+
+def _roof_channels(scene: Scene) -> tuple[Branch, ...]:
+    """The whole roof, and each meter alone where there are several; or the roof behind a goniometer's simulation."""
+    r = scene.readings
+    if not np.any(scene.is_roof):
+        return (Branch("the global illuminance meter"),)
+    channels = np.unique(r.channel[scene.is_roof])
+    return tuple(Branch(r.case.channels[k].id, int(k)) for k in channels)
+
+
+def _acts(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
+    return np.asarray(scene.is_roof & (scene.readings.channel == branch.value))
+
+
+def _why_no_sun(scene: Scene) -> str:
+    r = scene.readings
+    if not r.has_parts:
+        return "the records do not give the sun and sky parts apart"
+    if np.any(np.isnan(r.sun_altitude_at_deg) | np.isnan(r.sun_azimuth_at_deg)):
+        return "neither sun angles nor site and times are given"
+    if not np.any(scene.is_roof) and not scene.knows_split:
+        return "global and diffuse illuminance are not given for every test"
+    return ""
+
+
+def _beam_error(scene: Scene, beam_ratio: Floats, sky_ratio: float) -> Floats:
+    """True over assumed beam when the global reading was beam*beam_ratio + diffuse*sky_ratio; per row.
+
+    The simulation took B = G - D; the true beam B0 obeys B0 * beam_ratio + D * sky_ratio = G.
+    """
+    beam, diffuse = scene.beam_lx[scene.readings.test], scene.readings.diffuse_lx[scene.readings.test]
+    true = (beam + diffuse * (1.0 - sky_ratio)) / np.maximum(beam_ratio, 0.2)
+    return np.where(beam > 0.02 * diffuse, np.maximum(true, 0.0) / np.maximum(beam, 1e-9), 1.0)
+
+
+class MeterTilt(Mechanism):
+    """The meter is not level, so that the beam falls on it under another angle."""
+
+    id = "meter-tilt"
+    stage = Stage.ROOF_METERS
+    leaves_out = "An illuminance meter is not level."
+    parameters = (
+        Parameter(
+            "tilt_north_deg", "deg", "tilt of the meter's normal towards north", -30.0, 30.0, 3.0, (-3.0, 0.0, 3.0)
+        ),
+        Parameter(
+            "tilt_east_deg", "deg", "tilt of the meter's normal towards east", -30.0, 30.0, 3.0, (-3.0, 0.0, 3.0)
+        ),
+    )
+    needs = "sun and sky parts apart; sun angles, or site and times"
+    source = "beam: cos(theta_tilt)/cos z; sky: (1 + cos tilt)/2; Wang et al. 2016, Atmos. Meas. Tech. 9; report App. C"
+    tie_breaker = "turn the meter's head by 180°"
+    kinds = ("goniometer", "roof")
+
+    def why_not(self, scene: Scene) -> str:
+        """The tilt shows against the sun's direction."""
+        return _why_no_sun(scene)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each meter."""
+        return _roof_channels(scene)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Change the beam's projection on the tilted meter."""
+        north, east = np.radians(p[0]), np.radians(p[1])
+        tilt = float(np.hypot(north, east))
+        zenith = np.minimum(scene.sun_zenith_at, np.radians(88.0))
+        azimuth = np.radians(scene.readings.sun_azimuth_at_deg)
+        towards = (north * np.cos(azimuth) + east * np.sin(azimuth)) / tilt if tilt > 0 else 0.0 * azimuth
+        beam = np.maximum(np.cos(tilt) + np.tan(zenith) * np.sin(tilt) * towards, 0.0)
+        sky = (1.0 + np.cos(tilt)) / 2.0
+        if branch.value is None:
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
+            return
+        acts = _acts(scene, branch)
+        light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
+        light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
+
+    def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
+        """Components, and the tilt with its direction."""
+        tilt = float(np.hypot(p[0], p[1]))
+        along = float(np.hypot(p[0] * sd[0], p[1] * sd[1]) / max(tilt, 1e-6))
+        across = float(np.hypot(p[1] * sd[0], p[0] * sd[1]) / max(tilt, 1e-6) ** 2)
+        return {
+            **super().report(p, sd, term),
+            "tilt_deg": told(tilt, along, "deg"),
+            "azimuth_deg": told(
+                float(np.degrees(np.arctan2(p[1], p[0])) % 360.0), min(np.degrees(across), 180.0), "deg"
+            ),
+        }
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how far and which way."""
+        tilt, towards = np.hypot(p[0], p[1]), np.degrees(np.arctan2(p[1], p[0])) % 360
+        return f"{branch.label} is tilted by {tilt:.1f}° towards azimuth {towards:.0f}°: it is not level."
+
+
+class MeterGain(Mechanism):
+    """The meter's calibration factor is wrong."""
+
+    id = "meter-gain"
+    stage = Stage.ROOF_METERS
+    leaves_out = "An illuminance meter's calibration factor is wrong."
+    parameters = (Parameter("error", "1", "relative error of the meter's reading", -0.6, 1.5, 0.06, (-0.04, 0.04)),)
+    source = "y = E (1 + g)"
+    tie_breaker = "exchange the two meters, or read both in front of one lamp"
+    kinds = ("goniometer", "roof", "sky")
+
+    def why_not(self, scene: Scene) -> str:
+        """On a goniometer it acts through the split of the parts."""
+        return "" if scene.kinds != ("goniometer",) or scene.knows_split else _why_no_sun(scene)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each meter; luminance meters count as well."""
+        r = scene.readings
+        meters = np.unique(r.channel[scene.is_roof | scene.is_sky])
+        if len(meters):
+            return tuple(Branch(r.case.channels[k].id, int(k)) for k in meters)
+        return (Branch("the global illuminance meter"),)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Behind a goniometer's simulation: the beam was taken from a wrong global reading."""
+        if branch.value is None:
+            factor = 1.0 + p[0]
+            light.sun_factor = light.sun_factor * _beam_error(scene, np.full(len(scene.readings), factor), factor)
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Scale the meter's own rows."""
+        if branch.value is None:
+            return values
+        return np.where(scene.readings.channel == branch.value, values * (1.0 + p[0]), values)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        return f"{branch.label} reads {p[0]:+.1%}: its calibration factor is wrong."
+
+
+class MeterCosine(Mechanism):
+    """The meter's cosine response is wrong for a low sun."""
+
+    id = "meter-cosine"
+    stage = Stage.ROOF_METERS
+    leaves_out = "An illuminance meter's cosine response is wrong."
+    parameters = (
+        Parameter(
+            "error_at_60deg", "1", "relative error for light from 60° off the normal", -0.5, 0.5, 0.04, (-0.03, 0.03)
+        ),
+    )
+    needs = "sun and sky parts apart; sun angles, or site and times"
+    source = "beam (1 + c h(z)), h = (1 - cos z)/(1 - cos 60°) or (z/60°)³; sky (1 + c mean h); CIE/ISO 19476 f2"
+    tie_breaker = "a lamp turned round the meter's head"
+    kinds = ("goniometer", "roof")
+
+    def why_not(self, scene: Scene) -> str:
+        """The error depends on the sun's angle."""
+        return _why_no_sun(scene)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each meter, with a gentle or a steep law."""
+        return tuple(Branch(b.label, (b.value, law)) for b in _roof_channels(scene) for law in ("gentle", "steep"))
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Weight beam and sky by the response."""
+        value, law = branch.value
+        zenith = np.minimum(scene.sun_zenith_at, np.radians(88.0))
+        if law == "gentle":
+            shape, mean = (1.0 - np.cos(zenith)) / 0.5, 2.0 / 3.0  # mean of h over a uniform sky, ∫ h 2 cos sin
+        else:
+            shape, mean = (zenith / np.radians(60.0)) ** 3, 0.612
+        beam, sky = np.maximum(1.0 + p[0] * shape, 0.05), float(1.0 + p[0] * mean)
+        if value is None:
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
+            return
+        acts = scene.is_roof & (scene.readings.channel == value)
+        light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
+        light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        return f"{branch.label} reads light from 60° off its normal {p[0]:+.1%}: its cosine response is wrong."
+
+
+class MeterRangeLimit(Mechanism):
+    """The meter cannot read beyond the end of its range."""
+
+    id = "meter-range-limit"
+    stage = Stage.SENSORS
+    leaves_out = "An illuminance meter was near or beyond the end of its range."
+    parameters = (
+        Parameter(
+            "excess", "1", "largest prediction over the end of the range, minus one", 0.0, 3.0, 0.3, (0.03, 0.15, 0.5)
+        ),
+    )
+    source = "y = min(E, end of range); report ch. 3 (9 999 fc)"
+    tie_breaker = "a second meter with a higher range, or a neutral filter"
+    kinds = ("roof",)
+
+    def why_not(self, scene: Scene) -> str:
+        """Only where roof meters are read."""
+        return "" if np.any(scene.is_roof) else "there is no illuminance meter among the channels"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each meter."""
+        ways = _roof_channels(scene)
+        tops = [float(np.max(scene.readings.simulated[_acts(scene, way)])) for way in ways]
+        return tuple(replace(way, facts={"top": top}) for way, top in zip(ways, tops, strict=True))
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Cut the meter's readings at the end of its range."""
+        acts = _acts(scene, branch)
+        end = branch.facts["top"] / (1.0 + p[0])
+        return np.where(acts, np.minimum(values, end), values)
+
+    def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
+        """The end of the range is what a data sheet gives."""
+        end = term.branch.facts["top"] / (1.0 + float(p[0]))
+        return {
+            "range_end_lx": told(end, end * float(sd[0]) / (1.0 + float(p[0])), "lx"),
+            **super().report(p, sd, term),
+        }
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say by how much."""
+        return f"{branch.label} was at the end of its range: the brightest daylight was {p[0]:.0%} beyond it."

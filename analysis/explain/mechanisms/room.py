@@ -1,0 +1,107 @@
+"""The dark room below: light that reaches the sensors without coming straight from the aperture."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.parameter import Parameter
+from analysis.explain.roomlight import RoomLight, room_light
+from analysis.explain.scene import Light, Scene
+
+
+@lru_cache(maxsize=8)
+def _room(size_m: tuple[float, float, float], distance_m: float, half_angle_deg: float) -> RoomLight:
+    return room_light(size_m, distance_m, half_angle_deg)
+
+
+class RoomInterreflection(Mechanism):
+    """Floor and walls send back a little of what falls on them."""
+
+    id = "room-interreflection"
+    stage = Stage.ROOM
+    leaves_out = "Light bounced off the room's walls and floor reaches the sensors; the simulation had a black room."
+    parameters = (
+        Parameter("wall_reflectance", "1", "diffuse reflectance of the walls", 0.0, 0.6, 0.06, (0.04,)),
+        Parameter("floor_reflectance", "1", "diffuse reflectance of the floor", 0.0, 0.6, 0.06, (0.02,)),
+    )
+    needs = "room, goniometer"
+    source = (
+        "first bounce integrated over floor and walls + integrating sphere (Ulbricht) for the "
+        "rest; report ch. 9, App. B"
+    )
+    tie_breaker = "a scan with the skylight covered (the room's light vanishes with it), or a white card on the floor"
+
+    def why_not(self, scene: Scene) -> str:
+        """The bounce needs the room's size and where the sensors are."""
+        setup = scene.readings.case.setup
+        return "" if setup.room and setup.goniometer else "the case does not describe the room and the goniometer"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Add the room's light, lit by the fields as changed so far."""
+        setup = scene.readings.case.setup
+        assert setup.room is not None
+        assert setup.goniometer is not None
+        room = _room(setup.room.size_m, setup.goniometer.distance_m, setup.goniometer.sensor_half_angle_deg)
+        sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
+        field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
+        light.added = light.added + room.added(field, float(p[0]), float(p[1]))
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say which reflectances."""
+        return (
+            f"Light bounced off the room's walls (reflectance {p[0]:.3f}) and floor ({p[1]:.3f}) reaches the sensors; "
+            "the simulation had a black room."
+        )
+
+
+class StrayLight(Mechanism):
+    """Light in the room that is not the skylight's: constant, or a leak that follows the daylight outside."""
+
+    id = "stray-light"
+    stage = Stage.ROOM
+    leaves_out = "A light that is not the skylight's falls on the sensors."
+    parameters = (
+        Parameter(
+            "illuminance_lx",
+            "lx",
+            "stray illuminance at the sensors (leak: at the mean daylight)",
+            0.0,
+            1e4,
+            15.0,
+            (2.0, 10.0),
+        ),
+    )
+    needs = "goniometer (its distance)"
+    source = "I_add = d² E_stray, constant or proportional to the global illuminance"
+    tie_breaker = "a scan with the skylight covered"
+
+    def why_not(self, scene: Scene) -> str:
+        """The distance turns lux into candela."""
+        return "" if scene.goniometer else "the case does not describe the goniometer"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Constant, or (with global illuminances) following the daylight."""
+        outside = scene.readings.global_lx
+        if not np.all(np.isfinite(outside)):
+            return (Branch("constant"),)
+        return (Branch("constant"), Branch("following the daylight", facts={"mean_global_lx": float(outside.mean())}))
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Add the stray light to the goniometer's rows."""
+        assert scene.goniometer is not None
+        added = np.full(len(values), scene.goniometer.distance_m**2 * p[0])
+        if branch.label != "constant":
+            outside = scene.readings.global_lx / branch.facts["mean_global_lx"]
+            added = added * outside[scene.readings.test]
+        return values + np.where(scene.is_gonio, added, 0.0)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        kind = (
+            "a constant"
+            if branch.label == "constant"
+            else "a leak, proportional to the daylight outside, of on average"
+        )
+        return f"A light that is not the skylight's reaches the sensors: {kind} {p[0]:.2f} lx."

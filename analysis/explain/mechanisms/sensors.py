@@ -1,0 +1,208 @@
+"""Sensors: what they make of the light that falls on them."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Scene
+
+_ALL = ("goniometer", "roof", "sky")
+
+
+def _by_kind(scene: Scene) -> tuple[Branch, ...]:
+    """One branch per kind of channel that occurs: a cause sits in one instrument, not in all."""
+    names = {"goniometer": "the goniometer's sensors", "roof": "the roof meter", "sky": "the luminance readings"}
+    return tuple(Branch(names[k], k) for k in scene.kinds)
+
+
+def _with_level(scene: Scene) -> tuple[Branch, ...]:
+    """`_by_kind`, with the middle and the top of the readings as reference levels."""
+    ways = []
+    for way in _by_kind(scene):
+        rows = _acts(scene, way)
+        top = float(np.max(scene.readings.simulated[rows]))
+        ways.append(replace(way, facts={"level": _level(scene, rows), "top": top}))
+    return tuple(ways)
+
+
+def _acts(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
+    return np.asarray(scene.readings.kind == branch.value)
+
+
+def _level(scene: Scene, rows: NDArray[np.bool_]) -> float:
+    """Geometric middle of the readings that are well above noise."""
+    y = scene.readings.measured[rows & (scene.readings.measured > 5 * scene.readings.noise)]
+    return float(np.exp(np.mean(np.log(y)))) if len(y) else 1.0
+
+
+class DarkOffset(Mechanism):
+    """A constant is added to every reading, light or no light."""
+
+    id = "dark-offset"
+    stage = Stage.SENSORS
+    leaves_out = "The sensors read something in the dark."
+    parameters = (Parameter("offset", "the channel's unit", "reading in the dark", -1e6, 1e6, 1.0, (-1.0, 1.0)),)
+    source = "y + o"
+    tie_breaker = "a reading with the sensors covered"
+    kinds = _ALL
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """One kind of instrument."""
+        return _by_kind(scene)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """An offset of a hundredth of the middle reading is usual."""
+        acts = _acts(scene, branch)
+        usual = 0.03 * _level(scene, acts)
+        unit = scene.readings.case.channels[int(scene.readings.channel[acts][0])].unit
+        factor = float(scene.readings.unit_factor[acts][0])
+        p = self.parameters[0]
+        return (
+            replace(
+                p, unit=unit, low=-20 * usual, high=20 * usual, sigma=usual, starts=(-usual, usual), per_unit=1 / factor
+            ),
+        )
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Add the offset."""
+        return values + np.where(_acts(scene, branch), p[0], 0.0)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        return f"Every reading of {branch.label} carries an offset of {p[0]:+.3g}: they do not read zero in the dark."
+
+
+class Nonlinearity(Mechanism):
+    """The response grows as a power of the light, not in proportion."""
+
+    id = "nonlinearity"
+    stage = Stage.SENSORS
+    leaves_out = "The response is not proportional to the light."
+    parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
+    source = "y (y/y0)^p, y0 the geometric middle of the readings; CIE/ISO 19476 f3 (linearity)"
+    tie_breaker = "the same scan with a neutral filter over the aperture"
+    kinds = _ALL
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """One kind of instrument."""
+        return _with_level(scene)
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Bend the response about its middle."""
+        acts = _acts(scene, branch)
+        level = branch.facts["level"]
+        bent = np.maximum(values, 1e-9 * level)
+        return np.where(acts, values * (bent / level) ** p[0], values)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say which way."""
+        return (
+            f"The response of {branch.label} grows as the {1 + p[0]:.3f}th power of the light instead of in proportion."
+        )
+
+
+class Saturation(Mechanism):
+    """The range ends: large readings are compressed or cut off."""
+
+    id = "saturation"
+    stage = Stage.SENSORS
+    leaves_out = "The sensors' range ends: large readings are too small."
+    parameters = (
+        Parameter(
+            "compression",
+            "1",
+            "largest prediction over the level at which the range ends",
+            0.0,
+            5.0,
+            0.5,
+            (0.05, 0.2, 0.6, 1.2),
+        ),
+    )
+    source = "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), min(y, Y) (converter's end)"
+    tie_breaker = "the same scan with a neutral filter over the aperture"
+    kinds = _ALL
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Three forms of the end, for one kind of instrument."""
+        forms = ("gradual", "exponential", "clipped")
+        return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in _with_level(scene) for f in forms)
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Compress towards the end of the range."""
+        kind, form = branch.value
+        acts = np.asarray(scene.readings.kind == kind)
+        if p[0] <= 0 or not np.any(acts):
+            return values
+        end = branch.facts["top"] / p[0]
+        share = np.maximum(values, 0.0) / end
+        if form == "gradual":
+            read = end * share / (1.0 + share)
+        elif form == "exponential":
+            read = end * -np.expm1(-share)
+        else:
+            read = end * np.minimum(share, 1.0)
+        return np.where(acts & (values > 0), read, values)
+
+    def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
+        """The level at which the range ends is what a data sheet gives."""
+        level = term.branch.facts["top"] / max(float(p[0]), 1e-6)
+        return {"level": told(level, level * float(sd[0] / max(p[0], 1e-6)), "reading"), **super().report(p, sd, term)}
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how near the end."""
+        return (
+            f"Large readings of {branch.label} are too small: the brightest reach {p[0]:.0%} of the end of the range."
+        )
+
+
+class CosineResponse(Mechanism):
+    """Sensitivity falls (or rises) with the sensor's angle on the arm."""
+
+    id = "cosine-response"
+    stage = Stage.SENSORS
+    leaves_out = "The sensors' angular response is not what was assumed."
+    parameters = (Parameter("error_at_90deg", "1", "relative error at gamma = 90", -0.9, 0.9, 0.08, (-0.05, 0.05)),)
+    source = "y (1 + c (1 - cos gamma)); CIE/ISO 19476 f2 (directional response)"
+    tie_breaker = "a small lamp at the aperture's centre"
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Weight by the angle."""
+        law = 1.0 - np.cos(np.radians(np.nan_to_num(scene.readings.gamma_deg)))
+        return np.where(scene.is_gonio, values * (1.0 + p[0] * law), values)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        return f"The sensors read {p[0]:+.1%} at 90° against nadir, growing as 1 - cos of the angle."
+
+
+class ChannelGain(Mechanism):
+    """One sensor's sensitivity is wrong."""
+
+    id = "channel-gain"
+    stage = Stage.SENSORS
+    leaves_out = "One sensor's sensitivity is wrong."
+    parameters = (Parameter("error", "1", "relative error of the sensitivity", -0.9, 3.0, 0.12, (-0.08, 0.08)),)
+    source = "y_i (1 + e) for one channel i"
+    tie_breaker = "swap the sensor with its neighbour"
+    kinds = ("goniometer",)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each goniometer channel."""
+        r = scene.readings
+        return tuple(Branch(r.case.channels[k].id, int(k)) for k in np.unique(r.channel[scene.is_gonio]))
+
+    def why_not(self, scene: Scene) -> str:
+        """With one channel its gain is the gain of everything."""
+        return "" if len(self.branches(scene)) > 1 else "there is only one channel"
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Scale one channel."""
+        return np.where(scene.readings.channel == branch.value, values * (1.0 + p[0]), values)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Name the channel."""
+        return f"The sensor of {branch.label} reads {p[0]:+.1%} against the others."

@@ -1,0 +1,110 @@
+"""Sun and sky: what of the source a prediction may leave out."""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.geometry import blurred
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+
+class SkySunRatio(Mechanism):
+    """More or less of the global illuminance is sky than the prediction assumed."""
+
+    id = "sky-sun-ratio"
+    stage = Stage.SUN_AND_SKY
+    leaves_out = "The split of the daylight between sun and sky differs from the one that was simulated."
+    parameters = (
+        Parameter("diffuse_change", "1", "relative change of the diffuse illuminance", -0.6, 1.0, 0.2, (-0.15, 0.15)),
+    )
+    needs = "sun and sky parts apart; global and diffuse illuminance of each test"
+    source = "D' = D(1+s), B' = G - D'; report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, Solar Energy 110"
+    tie_breaker = "a test under an overcast sky (no beam) or with a very different ratio of diffuse to global"
+    kinds = ("goniometer", "roof")
+
+    def why_not(self, scene: Scene) -> str:
+        """Without the parts nothing can be shifted between them."""
+        if not scene.readings.has_parts:
+            return "the records do not give the sun and sky parts apart"
+        return "" if scene.knows_split else "global and diffuse illuminance are not given for every test"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Move light between the parts at constant global illuminance."""
+        diffuse, beam = scene.readings.diffuse_lx, scene.beam_lx
+        lost = np.divide(p[0] * diffuse, beam, out=np.zeros_like(beam), where=beam > 0.02 * diffuse)
+        light.sun_factor = light.sun_factor * np.maximum(1.0 - lost, 0.0)[scene.readings.test]
+        light.sky_factor = light.sky_factor * (1.0 + p[0])
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        more = "more" if p[0] > 0 else "less"
+        return (
+            f"The sky gave {abs(p[0]):.0%} {more} light than assumed, and the sun correspondingly "
+            f"{'less' if p[0] > 0 else 'more'}."
+        )
+
+
+class CircumsolarAureole(Mechanism):
+    """Part of the beam comes from a wide aureole round the disc."""
+
+    id = "circumsolar-aureole"
+    stage = Stage.SUN_AND_SKY
+    leaves_out = (
+        "Part of the sun's light comes from a bright aureole round the disc; the simulation had the disc alone."
+    )
+    parameters = (
+        Parameter("fraction", "1", "share of the beam that comes from the aureole", 0.0, 1.0, 0.25, (0.1, 0.4)),
+        Parameter("width_deg", "deg", "rms half width of the aureole", 2.0, 14.0, 3.5, (4.0, 9.0), centre=6.0),
+    )
+    needs = "sun and sky parts apart"
+    source = "S -> (1-k) S + k (S * Gaussian of the width); Blanc et al. 2014, Solar Energy 110 (circumsolar review)"
+    tie_breaker = "a picture of the sun's surroundings through a small shading disc"
+
+    def why_not(self, scene: Scene) -> str:
+        """The aureole belongs to the sun part."""
+        return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Blur the sun part by the aureole: by re-simulation where there is one, else on the outgoing sphere."""
+        wide = scene.retraced.aureole(float(p[1])) if scene.retraced else None
+        if wide is None:
+            wide = blurred(scene, light.sun, float(p[1]))
+        else:
+            wide = wide * np.divide(light.sun, scene.fields.sun, out=np.ones_like(wide), where=scene.fields.sun > 0)
+        light.sun = light.sun + p[0] * (wide - light.sun)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how wide."""
+        return (
+            f"{p[0]:.0%} of the sun's light comes from an aureole about {p[1]:.0f}° wide; the "
+            "simulation had the disc alone."
+        )
+
+
+class CloudDrift(Mechanism):
+    """The sun's brightness wandered while the arm was moving: a random function of time in each test."""
+
+    id = "cloud-drift"
+    stage = Stage.SUN_AND_SKY
+    leaves_out = "The source changed while the arm was moving (cloud or haze drifted before the sun)."
+    parameters = (
+        Parameter("sd", "1", "standard deviation of the sun part within a test", 0.0, 0.5, 0.08, (0.02, 0.05, 0.12)),
+        Parameter("correlation_s", "s", "time over which it changes", 5.0, 600.0, 40.0, (25.0, 60.0), centre=50.0),
+    )
+    needs = "times of the records"
+    source = "I = B(t) S + D K with B(t) a random function of 30 to 90 s; report chapter 4 (scans of 2 to 3 minutes)"
+    tie_breaker = "the same sky scanned twice with the planes in reverse order, or a roof meter read every second"
+    kinds = ("goniometer", "roof")
+    random = True
+
+    def why_not(self, scene: Scene) -> str:
+        """A function of time needs times."""
+        return "" if scene.readings.has_times else "the records carry no time"
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how strong and how fast."""
+        return (
+            f"The source wandered by {p[0]:.1%} rms within the tests, over about {p[1]:.0f} s: it "
+            "changed while the arm was moving."
+        )

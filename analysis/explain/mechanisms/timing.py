@@ -1,0 +1,71 @@
+"""Time: the clocks of roof and room."""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.parameter import Parameter
+from analysis.explain.readings import sun_at
+from analysis.explain.scene import Light, Scene
+
+
+class ClockOffset(Mechanism):
+    """The recording's clock is off, so that the sun stood elsewhere than the simulation put it."""
+
+    id = "clock-offset"
+    stage = Stage.TIME
+    leaves_out = "The clock of the recording is off: the sun stood elsewhere than it was simulated."
+    parameters = (
+        Parameter(
+            "offset_min",
+            "min",
+            "true time minus recorded time",
+            -180.0,
+            180.0,
+            8.0,
+            (-60.0, -12.0, -3.0, 3.0, 12.0, 60.0),
+        ),
+    )
+    needs = "site and times; for the goniometer also the systems (for a new simulation) or a variant"
+    source = "S(t + d); sun by NREL SPA (Reda and Andreas 2004)"
+    tie_breaker = "log the time of each reading on both clocks"
+    kinds = ("goniometer", "roof")
+
+    def why_not(self, scene: Scene) -> str:
+        """The sun must be known at other times."""
+        r = scene.readings
+        if r.case.setup.site is None or not r.has_times:
+            return "the case gives no site, or the records carry no time"
+        if not r.has_parts:
+            return "the records do not give the sun and sky parts apart"
+        if (
+            np.any(scene.is_gonio)
+            and not np.any(scene.is_roof)
+            and (scene.retraced is None or not scene.retraced.sun_moves)
+        ):
+            return (
+                "no variant shows the sun at another time, and the systems are not described well "
+                "enough to simulate one"
+            )
+        return ""
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
+        r = scene.readings
+        if np.any(scene.is_roof):
+            later = sun_at(r.case, r.utc_ns + np.int64(round(p[0] * 60e9)))[0]
+            ratio = np.sin(np.radians(np.maximum(later, 0.5))) / np.sin(
+                np.radians(np.maximum(r.sun_altitude_at_deg, 0.5))
+            )
+            light.sun_factor = np.where(scene.is_roof, light.sun_factor * ratio, light.sun_factor)
+        if np.any(scene.is_gonio) and scene.retraced is not None:
+            moved = scene.retraced.sun_later(float(p[0]))
+            if moved is not None:
+                light.sun = light.sun * moved
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how far."""
+        return (
+            f"The clocks differ by {abs(p[0]):.1f} min: the sun stood where it was "
+            f"{'later' if p[0] > 0 else 'earlier'} than recorded."
+        )
