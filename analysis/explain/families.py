@@ -1,0 +1,55 @@
+"""Random effects to try: the catalogue's (cloud, shutter), and unnamed structure along each coordinate.
+
+An unnamed family says only along which coordinates something smooth is wrong. If it explains a recording
+better than the named mechanisms do, then nobody has named the physics yet, and saying so is the right answer.
+"""
+
+import numpy as np
+
+from analysis.explain import wander as w
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.scene import Scene
+
+CLOUD = w.Wander(
+    "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
+)
+SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
+
+_SIZES = (0.03, 0.10, 0.30)
+
+
+def named_wanders(scene: Scene, tried: set[str]) -> tuple[w.Wander, ...]:
+    """The catalogue's random effects that can be tried on this scene."""
+    return tuple(x for x in (CLOUD, SHUTTER) if x.name in tried)
+
+
+def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
+    """Unnamed structure along the coordinates that this scene has."""
+    r = scene.readings
+    tests = len(np.unique(r.test))
+    found = []
+    if "goniometer" in scene.kinds:
+        found += [
+            w.Wander("factor by direction", "direction, fixed in the room", w.in_direction, _SIZES, (10.0, 28.0)),
+            w.Wander(
+                "light by direction", "direction, fixed in the room, added", w.added_in_direction, _SIZES, (10.0, 28.0)
+            ),
+            w.Wander("factor by gamma", "gamma", w.in_gamma, _SIZES, (14.0,)),
+            w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (2.0,)),
+        ]
+    elif "sky" in scene.kinds:
+        found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (2.0,)))
+        if np.any(~np.isnan(r.gamma_deg)) and np.nanmax(r.gamma_deg) - np.nanmin(r.gamma_deg) > 10:
+            found.append(
+                w.Wander("factor by direction", "direction in the picture", w.in_direction, _SIZES, (12.0, 35.0))
+            )
+    else:
+        found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (0.7,)))
+    suns = np.isfinite(r.altitude_deg) & np.isfinite(r.azimuth_deg)
+    if tests > 2 and np.all(suns) and r.has_parts:
+        found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, _SIZES, (12.0,)))
+    if r.has_times and np.max(np.bincount(r.test)) >= 20:
+        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, (15.0,)))
+    if r.has_times and tests > 3:
+        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
+    return tuple(found)

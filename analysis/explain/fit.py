@@ -1,0 +1,243 @@
+"""Fit a hypothesis and weigh its evidence.
+
+A hypothesis is a set of mechanisms with Gaussian (or half-Gaussian) priors on their parameters. Its parameters are
+fitted by Gauss-Newton steps in the metric of the nuisance covariance; its evidence is Laplace's approximation about the
+fit, summed over the grid of discrepancy sizes (MacKay 2003, Information Theory, Inference, and Learning Algorithms,
+ch. 27-28).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import norm
+
+from analysis.cases.model import Floats
+from analysis.explain.lens_error import lens_error_effects
+from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Whitener
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """A random effect beyond the nuisances: ``amplitude`` times independent unit effects of ``columns`` (N, K)."""
+
+    columns: Floats
+    amplitude: float = 1.0
+
+
+_STEPS = 12
+_SMALL = 1e-3  # of a standard deviation: a step below it ends the fit
+
+
+@dataclass
+class Fit:
+    """A fitted hypothesis.
+
+    Attributes
+    ----------
+    terms
+        Its mechanisms; empty for "nothing was left out".
+    theta : shape (P,)
+        Fitted parameters of all terms in a row.
+    objective
+        Misfit and prior together, twice the negative log density at the grid point of the fit.
+    covariance : shape (P, P)
+        Of the parameters, at the best grid point.
+    residual : shape (N,)
+        Reading minus model on the stretched scale.
+    jacobian : shape (N, P)
+        d model / d theta on the stretched scale.
+    log_evidence
+        Natural log of the probability of the readings, up to a constant of the case.
+    hyper
+        The grid point that carries most of the evidence.
+    """
+
+    terms: tuple[Term, ...]
+    theta: Floats
+    residual: Floats
+    jacobian: Floats
+    objective: float = np.inf
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    log_evidence: float = -np.inf
+    hyper: Hyper = GRID[0]
+    hyper_weights: dict[Hyper, float] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All terms' parameters in a row."""
+        return tuple(p for t in self.terms for p in t.parameters)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of its mechanisms."""
+        return tuple(t.mechanism.id for t in self.terms)
+
+
+class Fitter:
+    """Fits hypotheses to one scene; keeps the factored covariances it has used."""
+
+    def __init__(self, scene: Scene, nuisance: Nuisance | None = None) -> None:
+        self.scene = scene
+        self.nuisance = nuisance or Nuisance(scene.readings, lens_error_effects(scene))
+        self._seen = scene.readings.stretched(scene.readings.measured)
+        self._factored: dict[tuple[float, float], Factored] = {}
+        self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Floats]] = {}
+
+    def whitener(self, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Whitener:
+        """The covariance at a grid point, with extra random effects."""
+        if hyper.base not in self._factored:
+            self._factored[hyper.base] = self.nuisance.factored(hyper)
+        factored = self._factored[hyper.base]
+        return factored.whitener(hyper, tuple(e.amplitude * self._solve(hyper, factored, e.columns) for e in extra))
+
+    def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Floats:
+        """Solve an effect's columns once per grid point (they are tried at many amplitudes)."""
+        key = (hyper.base, id(columns))
+        if key not in self._solved:
+            while len(self._solved) > 40:
+                del self._solved[next(iter(self._solved))]
+            self._solved[key] = (columns, factored.blocks.solved(columns))  # columns kept, so that the id stays theirs
+        return self._solved[key][1]
+
+    def residual(self, terms: tuple[Term, ...], theta: Floats) -> Floats:
+        """Reading minus model on the stretched scale; shape (N,)."""
+        r = self.scene.readings
+        return self._seen - r.stretched(predict(self.scene, terms, theta))
+
+    def jacobian(self, terms: tuple[Term, ...], theta: Floats, residual: Floats) -> Floats:
+        """d model / d theta on the stretched scale by differences that stay inside the ranges; shape (N, P)."""
+        parameters = [p for t in terms for p in t.parameters]
+        columns = []
+        for k, p in enumerate(parameters):
+            step = 0.02 * p.width
+            if theta[k] + step > p.high:
+                step = -step
+            moved = theta.copy()
+            moved[k] += step
+            columns.append((residual - self.residual(terms, moved)) / step)
+        return np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
+
+    def fit(self, terms: tuple[Term, ...], start: Floats, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Fit:
+        """Gauss-Newton from ``start`` at one grid point, with halved steps where the objective does not fall."""
+        whitener = self.whitener(hyper, extra)
+        parameters = tuple(p for t in terms for p in t.parameters)
+        theta = _inside(np.asarray(start, dtype=np.float64), parameters)
+        residual = self.residual(terms, theta)
+        value = whitener.gram(residual[:, None])[0, 0] + _prior_value(theta, parameters)
+        jacobian = self.jacobian(terms, theta, residual)
+        for _ in range(_STEPS if parameters else 0):
+            gram = whitener.gram(np.column_stack([jacobian, residual]))
+            step = _newton_step(gram, theta, parameters)
+            for halving in range(6):
+                trial = _inside(theta + step * 0.5**halving, parameters)
+                trial_residual = self.residual(terms, trial)
+                trial_value = whitener.gram(trial_residual[:, None])[0, 0] + _prior_value(trial, parameters)
+                if trial_value < value:
+                    break
+            else:
+                break
+            moved = np.abs(trial - theta) / np.sqrt(_variances(gram, parameters))
+            theta, residual = trial, trial_residual
+            better, value = value - trial_value, trial_value
+            jacobian = self.jacobian(terms, theta, residual)
+            if np.all(moved < _SMALL * 30) or better < 0.02:
+                break
+        return Fit(terms, theta, residual, jacobian, objective=float(value))
+
+    def scan_starts(
+        self, term: Term, hyper: Hyper, beside: Fit | None = None, extra: tuple[Extra, ...] = ()
+    ) -> list[tuple[float, Floats]]:
+        """Objectives and starting points of one term, best first; ``beside`` others held where they were fitted."""
+        grids = np.meshgrid(*[p.starts for p in term.parameters], indexing="ij")
+        points = np.stack([g.ravel() for g in grids], axis=1) if grids else np.zeros((1, 0))
+        terms = (*beside.terms, term) if beside else (term,)
+        held = beside.theta if beside else np.zeros(0)
+        residuals = np.stack([self.residual(terms, np.concatenate([held, p])) for p in points], axis=1)
+        values = self.whitener(hyper, extra).squares(residuals)
+        values += np.array([_prior_value(p, term.parameters) for p in points])
+        return [(float(values[k]), points[k]) for k in np.argsort(values)]
+
+    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), grid: tuple[Hyper, ...] = GRID) -> None:
+        """Set evidence, covariance and best grid point of fits, from one factoring per grid point."""
+        logs = {id(f): np.empty(len(grid)) for f in fits}
+        white: dict[tuple[tuple[float, float], int], Floats] = {}
+        for k, hyper in enumerate(grid):
+            whitener = self.whitener(hyper, extra)
+            for f in fits:
+                key = (hyper.base, id(f))
+                if key not in white:
+                    white[key] = whitener.solved(np.column_stack([f.jacobian, f.residual]))
+                logs[id(f)][k] = laplace(whitener.gram_of(white[key]), whitener.log_det, f) + hyper.log_weight
+        for f in fits:
+            values = logs[id(f)]
+            f.log_evidence = float(np.logaddexp.reduce(values))
+            f.hyper = grid[int(np.argmax(values))]
+            f.hyper_weights = dict(zip(grid, np.exp(values - f.log_evidence), strict=True))
+            f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
+
+
+def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
+    """Log evidence of a fit at one grid point, one Newton step beyond its parameters included.
+
+    ``gram`` is that of the Jacobian's columns and the residual, ``log_det`` the covariance's.
+    One-sided priors have twice the density, and the part of the posterior beyond the end is cut off.
+    """
+    parameters = fit.parameters
+    n = len(parameters)
+    base = -0.5 * (gram[n, n] + log_det)
+    if n == 0:
+        return float(base)
+    sigma = np.array([p.sigma for p in parameters])
+    centre = np.array([p.centre for p in parameters])
+    precision = gram[:n, :n] + np.diag(sigma**-2.0)
+    slope = gram[:n, n] - (fit.theta - centre) / sigma**2
+    step = np.linalg.solve(precision, slope)
+    low = np.array([p.low for p in parameters])
+    high = np.array([p.high for p in parameters])
+    step = np.clip(fit.theta + step, low, high) - fit.theta
+    gain = slope @ step - 0.5 * step @ precision @ step
+    prior = -0.5 * np.sum(((fit.theta - centre) / sigma) ** 2)
+    _, log_det = np.linalg.slogdet(precision * np.outer(sigma, sigma))
+    value = base + prior + gain - 0.5 * log_det
+    spread = np.sqrt(np.diag(np.linalg.inv(precision)))
+    for k, p in enumerate(parameters):
+        if p.one_sided:
+            value += np.log(2.0) + norm.logcdf((fit.theta[k] + step[k] - p.low) / spread[k])
+    return float(value)
+
+
+def posterior_covariance(whitener: Whitener, fit: Fit) -> Floats:
+    """Covariance (P, P) of the parameters at one grid point, prior included."""
+    n = len(fit.parameters)
+    if n == 0:
+        return np.zeros((0, 0))
+    sigma = np.array([p.sigma for p in fit.parameters])
+    gram = whitener.gram(fit.jacobian)
+    return np.asarray(np.linalg.inv(gram + np.diag(sigma**-2.0)))
+
+
+def _newton_step(gram: Floats, theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+    n = len(parameters)
+    sigma = np.array([p.sigma for p in parameters])
+    centre = np.array([p.centre for p in parameters])
+    precision = gram[:n, :n] + np.diag(sigma**-2.0)
+    return np.asarray(np.linalg.solve(precision, gram[:n, n] - (theta - centre) / sigma**2))
+
+
+def _variances(gram: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+    n = len(parameters)
+    sigma = np.array([p.sigma for p in parameters])
+    return np.asarray(np.diag(np.linalg.inv(gram[:n, :n] + np.diag(sigma**-2.0))))
+
+
+def _prior_value(theta: Floats, parameters: tuple[Parameter, ...]) -> float:
+    return float(sum(((x - p.centre) / p.sigma) ** 2 for x, p in zip(theta, parameters, strict=True)))
+
+
+def _inside(theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+    if not parameters:
+        return theta
+    return np.clip(theta, [p.low for p in parameters], [p.high for p in parameters])

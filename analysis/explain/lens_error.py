@@ -1,0 +1,63 @@
+"""What the simulation's lens usually has wrong, as random effects that every hypothesis allows for.
+
+A smooth factor on the sphere is not enough: a lens that blurs or bends a little otherwise than its model changes
+the sun's image where it is steep. These errors follow the sun, so they are written in its frame: a wider or
+narrower image, an image nearer to or farther from nadir, turned about it, and a brighter or darker sun part. Each
+system has its own, and each test a little more (the error depends on the angle of incidence).
+"""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fields import Sampler
+from analysis.explain.geometry import blurred
+from analysis.explain.scene import Scene
+from labdaq import directions
+
+BLUR_DEG = (4.5, 10.0)
+"""Widths whose blur is allowed for [deg]."""
+SIZES = {"blur": 0.25, "broad": 0.10, "shift": 0.8, "turn": 0.8, "gain": 0.02}
+"""Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part."""
+_OF_SYSTEM, _OF_TEST = 0.8, 0.6  # of the usual size, in quadrature about one
+
+
+def lens_error_effects(scene: Scene) -> Floats:
+    """Independent unit effects (N, K) on the stretched scale; (N, 0) without goniometer rows."""
+    r = scene.readings
+    if not np.any(scene.is_gonio):
+        return np.zeros((len(r), 0))
+    shapes = _shapes(scene)
+    columns = []
+    tests = np.unique(r.test[scene.is_gonio])
+    for name, change in shapes.items():
+        relative = SIZES[name] * np.where(scene.is_gonio, change / np.hypot(r.simulated, r.floor), 0.0)
+        for system in np.unique(r.system[tests]):
+            columns.append(_OF_SYSTEM * np.where(r.system[r.test] == system, relative, 0.0))
+        columns += [_OF_TEST * np.where(r.test == t, relative, 0.0) for t in tests]
+    return np.stack(columns, axis=1)
+
+
+def _shapes(scene: Scene) -> dict[str, Floats]:
+    """Change of each row's prediction [cd] per unit of each kind of error; shape (N,) each."""
+    r, sun = scene.readings, scene.fields.sun
+    at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
+    here = at(sun)
+    narrow, wide = blurred(scene, sun, BLUR_DEG[0]), blurred(scene, sun, BLUR_DEG[1])
+    shapes = {"blur": at(narrow) - here, "broad": at(wide) - at(narrow), "gain": here}
+    azimuth = np.nan_to_num(r.azimuth_deg)
+    for name, axis_azimuth in (("shift", azimuth + 90.0), ("turn", azimuth)):
+        axis = directions.sky_vector(np.zeros(len(azimuth)), axis_azimuth)
+        moved = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], 1.0)
+        back = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], -1.0)
+        shapes[name] = (Sampler(r.test, *moved)(sun) - Sampler(r.test, *back)(sun)) / 2.0
+    return shapes
+
+
+def _rotated(gamma_deg: Floats, c_deg: Floats, axis: Floats, degrees: float) -> tuple[Floats, Floats]:
+    """Directions turned about horizontal axes (N, 3) by an angle [deg]; kept below the horizon."""
+    v = directions.vector(gamma_deg, c_deg)
+    a = np.radians(degrees)
+    along = np.sum(axis * v, axis=1, keepdims=True) * axis
+    turned = np.cos(a) * v + np.sin(a) * np.cross(axis, v) + (1 - np.cos(a)) * along
+    gamma, c = directions.gamma_c(turned)
+    return np.minimum(gamma, 90.0), c

@@ -1,0 +1,248 @@
+"""What every explanation allows for before it calls anything physics: nuisances.
+
+Readings scatter about the right model because of noise, test gains, sensor gains, and because no simulation
+has quite the right lens: a smooth shape discrepancy on the sphere, partly the same in all tests of a system.
+Neighbouring directions therefore err together; a method that takes them for independent is far too sure of itself
+(Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63; Brynjarsdottir and O'Hagan 2014, Inverse Problems 30).
+
+All amplitudes are relative to the reading. Two of them are not known and are summed over a grid of `Hyper`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from analysis.cases.model import Floats
+from analysis.explain.readings import GONIOMETER, ROOF, Readings
+from labdaq import directions
+
+GAIN_OF_TESTS: Final = 0.03
+GAIN_OF_SENSORS: Final = 0.012
+GAIN_OF_METERS: Final = 0.004
+
+
+@dataclass(frozen=True)
+class Hyper:
+    """How wrong the simulation may be: multiples of the usual smooth discrepancy, scatter, and error of the lens."""
+
+    shape: float
+    scatter: float
+    lens: float = 1.0
+
+    @property
+    def log_weight(self) -> float:
+        """Log prior (unnormalised): log-normal about one, a factor 2.5 wide each."""
+        logs = np.log([self.shape, self.scatter, self.lens])
+        return float(-0.5 * np.sum(logs**2) / np.log(2.5) ** 2)
+
+    @property
+    def base(self) -> tuple[float, float]:
+        """The part that the block factors depend on."""
+        return self.shape, self.scatter
+
+
+GRID: Final = tuple(Hyper(a, b, c) for a, b, c in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5), (0.4, 1.0, 2.5)))
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Usual relative amplitudes for a kind of channel."""
+
+    shape: float  # of a system's (or instrument's) discrepancy, shared by its tests
+    shape_of_test: float  # of a test's own discrepancy
+    scatter: float  # unexplained scatter from record to record
+    gain: float  # of a test
+    level: float  # of a system (transmittance) or an instrument (absolute scale)
+
+
+USUAL: Final = {
+    GONIOMETER: Usual(0.018, 0.010, 0.007, GAIN_OF_TESTS, 0.04),
+    ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0),
+    "sky": Usual(0.020, 0.020, 0.020, 0.03, 0.0),
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows whose errors go together: a system's goniometer rows, or one roof instrument's rows.
+
+    Attributes
+    ----------
+    rows : shape (n,)
+        Indices into the readings.
+    near : shape (n, n)
+        Correlation of the smooth discrepancy (of direction, or of time on the roof).
+    """
+
+    kind: str
+    rows: NDArray[np.int64]
+    readings: Readings
+    near: Floats
+
+    @cached_property
+    def same_test(self) -> Floats:
+        """1 where two rows belong to the same test; shape (n, n)."""
+        test = self.readings.test[self.rows]
+        return np.asarray(test[:, None] == test[None, :], dtype=np.float64)
+
+    @cached_property
+    def loud(self) -> Floats:
+        """Reading over scale: below 1 where the reading drowns in noise; shape (n,)."""
+        r = self.readings
+        return np.abs(r.measured[self.rows]) / r.scale[self.rows]
+
+
+def blocks_of(readings: Readings) -> tuple[Block, ...]:
+    """Group rows: goniometer rows by system, others by channel."""
+    r = readings
+    group = np.where(r.kind == GONIOMETER, r.system[r.test], 1_000 + r.channel)
+    made = []
+    for g in np.unique(group):
+        rows = np.flatnonzero(group == g)
+        kind = str(r.kind[rows[0]])
+        near = _time_kernel(r, rows) if kind == ROOF else _sphere_kernel(r, rows)
+        made.append(Block(kind, rows, r, near))
+    return tuple(made)
+
+
+def _sphere_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
+    """Half 17°, half 46° squared-exponential correlation of directions; rows without one are alone with themselves."""
+    v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
+    half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
+    near = np.zeros_like(half_chord2)
+    for width_deg in (17.0, 46.0):
+        near += 0.5 * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
+    return near
+
+
+def _time_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
+    """Correlation over about 40 minutes; without times, over the order of the rows."""
+    t = r.utc_ns[rows] / 6e10 if r.has_times else 5.0 * np.arange(len(rows))
+    return np.exp(-np.abs(t[:, None] - t[None, :]) / 40.0)
+
+
+class Nuisance:
+    """The covariance of what every model leaves over, on the stretched scale.
+
+    Parameters
+    ----------
+    lens_error : shape (N, K)
+        Effects of the simulation's lens (`analysis.explain.lens_error`); they grow with `Hyper.lens`.
+    """
+
+    def __init__(self, readings: Readings, lens_error: Floats) -> None:
+        self.readings = readings
+        self.blocks = blocks_of(readings)
+        self._gains = self._sensor_gains()
+        self._lens_error = lens_error
+
+    def _sensor_gains(self) -> Floats:
+        """Columns (N, K): each sensor's or meter's gain, times its usual size."""
+        r = self.readings
+        loud = np.abs(r.measured) / r.scale
+        columns = []
+        for k in np.unique(r.channel):
+            rows = r.channel == k
+            size = GAIN_OF_SENSORS if r.kind[rows][0] == GONIOMETER else GAIN_OF_METERS
+            columns.append(np.where(rows, size * loud, 0.0))
+        return np.stack(columns, axis=1)
+
+    def matrix(self, block: Block, hyper: Hyper) -> Floats:
+        """Covariance (n, n) of one block."""
+        usual = USUAL[block.kind]
+        r = self.readings
+        shared = (hyper.shape * usual.shape) ** 2 * block.near + usual.level**2
+        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + usual.gain**2) * block.same_test
+        c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
+        noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
+        c[np.diag_indices_from(c)] += noise + (hyper.scatter * usual.scatter) ** 2 + 1e-8
+        return np.asarray(c)
+
+    def factored(self, hyper: Hyper) -> "Factored":
+        """Factor the blocks for a grid point, and solve the nuisance effects by them; `Hyper.lens` does not matter."""
+        blocks = Blocks(self.blocks, [np.asarray(np.linalg.cholesky(self.matrix(b, hyper))) for b in self.blocks])
+        return Factored(blocks, blocks.solved(self._gains), blocks.solved(self._lens_error))
+
+    def whitener(self, hyper: Hyper) -> "Whitener":
+        """The covariance at one grid point."""
+        return self.factored(hyper).whitener(hyper)
+
+
+class Blocks:
+    """Cholesky factors of the blocks' covariances."""
+
+    def __init__(self, blocks: tuple[Block, ...], factors: list[Floats]) -> None:
+        self._blocks = blocks
+        self._factors = factors
+        self.log_det = sum(2.0 * float(np.sum(np.log(np.diag(f)))) for f in factors)
+
+    def solved(self, columns: Floats) -> Floats:
+        """Columns (N, k) divided by the factors: block noise becomes independent and unit."""
+        white = np.empty_like(columns)
+        for block, factor in zip(self._blocks, self._factors, strict=True):
+            white[block.rows] = solve_triangular(factor, columns[block.rows], lower=True, check_finite=False)
+        return white
+
+
+@dataclass(frozen=True)
+class Factored:
+    """Block factors and the nuisance effects solved by them, for all errors of the lens."""
+
+    blocks: Blocks
+    gains: Floats
+    lens_error: Floats
+
+    def whitener(self, hyper: Hyper, extra: tuple[Floats, ...] = ()) -> "Whitener":
+        """The covariance with an error of the lens, and with extra effects (N, k) already solved."""
+        return Whitener(self.blocks, np.concatenate([self.gains, hyper.lens * self.lens_error, *extra], axis=1))
+
+
+class Whitener:
+    """A factored covariance: block factors, and independent effects given as columns (sensor gains, random functions).
+
+    Parameters
+    ----------
+    effects : shape (N, K)
+        Columns u with covariance sum u uᵀ, already solved by the block factors.
+    """
+
+    def __init__(self, blocks: Blocks, effects: Floats) -> None:
+        self.blocks = blocks
+        self._effects = effects
+        self._inner = cho_factor(np.eye(effects.shape[1]) + effects.T @ effects)
+        self.log_det = blocks.log_det + 2.0 * float(np.sum(np.log(np.diag(self._inner[0]))))
+
+    def solved(self, columns: Floats) -> Floats:
+        """Columns (N, k) divided by the block factors; effects not yet taken off."""
+        return self.blocks.solved(columns)
+
+    def gram_of(self, white: Floats) -> Floats:
+        """`gram` of columns that are already solved."""
+        onto = self._effects.T @ white
+        return np.asarray(white.T @ white - onto.T @ cho_solve(self._inner, onto))
+
+    def gram(self, columns: Floats) -> Floats:
+        """``columns``ᵀ Σ⁻¹ ``columns`` for columns (N, k); shape (k, k)."""
+        return self.gram_of(self.solved(columns))
+
+    def squares(self, columns: Floats) -> Floats:
+        """cᵀ Σ⁻¹ c of each column c of (N, k); shape (k,)."""
+        white = self.solved(columns)
+        onto = self._effects.T @ white
+        return np.asarray(np.sum(white**2, axis=0) - np.sum(onto * cho_solve(self._inner, onto), axis=0))
+
+    def whitened(self, columns: Floats) -> Floats:
+        """Columns (N, k) turned so that pure nuisance becomes independent unit noise (effects included)."""
+        white = self.solved(columns)
+        u, size, _ = np.linalg.svd(self._effects, full_matrices=False)
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
+        return np.asarray(white - u @ (shrink[:, None] * (u.T @ white)))
+
+    def effects_mean(self, residual: Floats) -> Floats:
+        """Expected size (K,) of each effect given a residual (N,), in units of its own standard deviation."""
+        return np.asarray(cho_solve(self._inner, self._effects.T @ self.solved(residual[:, None])[:, 0]))

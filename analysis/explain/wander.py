@@ -1,0 +1,171 @@
+"""Random effects and unnamed structure, as covariances.
+
+Some physics has no formula for its values, only for how they go together: a cloud that drifts is a smooth random
+function of time. The same form serves for what the catalogue does not hold: "some smooth function of direction,
+fixed in the room, that nobody has named" is a hypothesis like any other and can win against the named ones.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fit import Extra
+from analysis.explain.mechanisms.base import Mechanism
+from analysis.explain.scene import Scene
+from labdaq import directions
+
+Columns = Callable[[Scene, float], Floats]
+"""Independent unit effects (N, K) of a random function with a correlation length, on a scene's rows."""
+
+
+@dataclass(frozen=True)
+class Wander:
+    """A random effect: amplitude times a correlated random function of some coordinates.
+
+    Attributes
+    ----------
+    name
+        Id of a catalogue mechanism, or the name of an unnamed family.
+    along
+        The coordinates it is a function of, in words.
+    columns
+        Its effects.
+    amplitudes, lengths
+        Relative standard deviations and correlation lengths to try.
+    mechanism
+        The catalogue's mechanism, or ``None`` for unnamed structure.
+    """
+
+    name: str
+    along: str
+    columns: Columns
+    amplitudes: tuple[float, ...]
+    lengths: tuple[float, ...]
+    mechanism: Mechanism | None = None
+
+    def extra(self, scene: Scene, amplitude: float, length: float) -> Extra:
+        """The effect at one amplitude and length."""
+        key = (self.name, length)
+        if key not in scene.memory:
+            scene.memory[key] = self.columns(scene, length)
+        return Extra(scene.memory[key], amplitude)
+
+
+def sun_share(scene: Scene) -> Floats:
+    """Share of the sun part in each row's prediction, times how far the reading stands above the floor; shape (N,)."""
+    r = scene.readings
+    total = np.maximum(np.abs(r.simulated), 1e-12)
+    share = np.where(np.isfinite(r.sun), r.sun, total) / total
+    return np.asarray(np.clip(share, 0.0, 1.0) * loud(scene))
+
+
+def loud(scene: Scene) -> Floats:
+    """Reading over scale: 1 well above the floor, 0 in the dark; shape (N,)."""
+    return np.asarray(np.abs(scene.readings.measured) / scene.readings.scale)
+
+
+def in_time(scene: Scene, seconds: float) -> Floats:
+    """The sun's brightness as a random function of time within each test."""
+    r = scene.readings
+    t = r.utc_ns / 1e9
+    parts = []
+    for k in np.unique(r.test):
+        rows = r.test == k
+        nodes = np.arange(t[rows].min() - seconds / 2, t[rows].max() + seconds, 0.7 * seconds)
+        part = np.zeros((len(r), len(nodes)))
+        part[rows] = smooth(t[rows], nodes, seconds)
+        parts.append(part)
+    return np.concatenate(parts, axis=1) * sun_share(scene)[:, None]
+
+
+def in_level(scene: Scene, stops: float) -> Floats:
+    """A factor that is a random function of the predicted level, the same in all tests of an instrument."""
+    r = scene.readings
+    level = np.log2(np.maximum(r.simulated, r.floor))  # never the reading itself: it carries its own noise
+    return np.concatenate(
+        [
+            smooth(level, np.arange(level[rows].min() - stops, level[rows].max() + stops, 0.7 * stops), stops)
+            * (rows * loud(scene))[:, None]
+            for rows in (r.channel == k if kind == "sky" else r.kind == kind for k, kind in _groups(scene))
+        ],
+        axis=1,
+    )
+
+
+def _groups(scene: Scene) -> list[tuple[int, str]]:
+    """Luminance channels one by one, goniometer and roof as a whole."""
+    r = scene.readings
+    groups = [(int(k), "sky") for k in np.unique(r.channel[r.kind == "sky"])]
+    return groups + [(-1, kind) for kind in scene.kinds if kind != "sky"]
+
+
+def in_direction(scene: Scene, degrees: float) -> Floats:
+    """A factor that is a random function of direction, fixed in the room: the same for every test and system."""
+    return sphere(scene, degrees) * (loud(scene) * ~np.isnan(scene.readings.gamma_deg))[:, None]
+
+
+def added_in_direction(scene: Scene, degrees: float) -> Floats:
+    """Light added as a random function of direction, in proportion to each test's mean intensity."""
+    r = scene.readings
+    count = len(r.case.tests)
+    total = np.bincount(r.test, weights=np.abs(r.measured), minlength=count)
+    mean = total / np.maximum(np.bincount(r.test, minlength=count), 1)
+    size = np.minimum(mean[r.test] / r.scale, 5.0)
+    return np.asarray(sphere(scene, degrees) * (size * ~np.isnan(r.gamma_deg))[:, None])
+
+
+def in_sun(scene: Scene, degrees: float) -> Floats:
+    """A factor on the sun part that is a random function of the sun's place."""
+    r = scene.readings
+    towards = directions.sky_vector(r.altitude_deg, r.azimuth_deg)
+    near = np.exp(-np.maximum(1.0 - towards @ towards.T, 0.0) / np.radians(degrees) ** 2)
+    root = np.linalg.cholesky(near + 1e-6 * np.eye(len(near)))
+    return np.asarray(root[r.test] * sun_share(scene)[:, None])
+
+
+def in_gamma(scene: Scene, degrees: float) -> Floats:
+    """A factor that is a random function of gamma alone, the same in all planes and tests."""
+    nodes = np.arange(-degrees, 90.0 + degrees, 0.7 * degrees)
+    return smooth(np.nan_to_num(scene.readings.gamma_deg), nodes, degrees) * (loud(scene) * scene.is_gonio)[:, None]
+
+
+def in_scan_order(scene: Scene, seconds: float) -> Floats:
+    """A factor that is a random function of the time since the test began, the same in all tests."""
+    r = scene.readings
+    t = r.utc_ns / 1e9
+    began = np.full(len(r.case.tests), np.inf)
+    np.minimum.at(began, r.test, t)
+    since = t - began[r.test]
+    return smooth(since, np.arange(-seconds, since.max() + seconds, 0.7 * seconds), seconds) * loud(scene)[:, None]
+
+
+def in_hours(scene: Scene, minutes: float) -> Floats:
+    """A factor that is a slow random function of time over the campaign, the same for all channels."""
+    t = scene.readings.utc_ns / 6e10
+    middles = np.array([t[scene.readings.test == k].mean() for k in np.unique(scene.readings.test)])
+    kernel = np.exp(-np.abs(middles[:, None] - middles[None, :]) / minutes) + 1e-9 * np.eye(len(middles))
+    where = np.searchsorted(np.unique(scene.readings.test), scene.readings.test)
+    return np.asarray(np.linalg.cholesky(kernel)[where] * loud(scene)[:, None])
+
+
+def smooth(x: Floats, nodes: Floats, width: float) -> Floats:
+    """Gaussian bumps (N, K) at ``nodes``, scaled so that their independent sum has unit variance about everywhere."""
+    bumps = np.exp(-(((x[:, None] - nodes[None, :]) / width) ** 2))
+    power = np.sqrt(np.pi / 2.0) / 0.7  # sum over nodes 0.7 widths apart of exp(-2 d²/w²)
+    return np.asarray(bumps / np.sqrt(power))
+
+
+def sphere(scene: Scene, degrees: float) -> Floats:
+    """Bumps about nodes spread over the sphere where readings lie; (N, K), unit variance."""
+    r = scene.readings
+    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
+    count = int(np.ceil(4.0 * np.pi / (0.8 * np.radians(degrees)) ** 2))
+    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))  # Fibonacci sphere
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    nodes = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    # exp(-angle²/w²): the product of two of them correlates as exp(-angle²/(2 w²))
+    bumps = np.exp(-2.0 * np.maximum(1.0 - v @ nodes.T, 0.0) / np.radians(degrees) ** 2)
+    bumps = bumps[:, bumps.max(axis=0) > 0.2]
+    return np.asarray(bumps / np.sqrt(np.maximum(np.sum(bumps**2, axis=1, keepdims=True), 0.05)))
