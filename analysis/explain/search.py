@@ -1,0 +1,185 @@
+"""Search the hypotheses: nothing, one mechanism, two, three; and structure that nobody has named.
+
+Singles are all tried. A second mechanism is asked for only beside the best singles, with the first one's form error
+allowed for, and accepted only with evidence to spare; likewise a third.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fit import Extra, Fit, Fitter
+from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
+from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.noise import GRID, Hyper
+from analysis.explain.wander import Wander
+from analysis.explain.wander import sphere as _sphere
+
+MIDDLE = Hyper(2.0, 1.2, 1.0)
+"""Grid point at which starting points are compared."""
+_BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
+_STARTS = 2
+
+
+@dataclass
+class Hypothesis:
+    """Mechanisms together, with their evidence.
+
+    Attributes
+    ----------
+    fit
+        The fit of the parametric mechanisms (may be none).
+    wanders
+        Random effects in it, with amplitude and length that carry most of the evidence.
+    evidence
+        Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
+    """
+
+    fit: Fit
+    evidence: float
+    wanders: tuple[tuple[Wander, float, float], ...] = ()
+    ways: list[Fit] = field(default_factory=list)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of its catalogue mechanisms."""
+        return (*self.fit.ids, *(w.name for w, _, _ in self.wanders if w.mechanism is not None))
+
+
+class Search:
+    """One search over one scene."""
+
+    def __init__(self, fitter: Fitter, mechanisms: Iterable[Mechanism] = CATALOGUE) -> None:
+        self.fitter = fitter
+        self.scene = fitter.scene
+        self.not_tried: dict[str, str] = {}
+        self.mechanisms = tuple(m for m in mechanisms if self._can_try(m))
+        self._terms = {m.id: terms_of(m, self.scene) for m in self.mechanisms if not m.random}
+
+    def _can_try(self, mechanism: Mechanism) -> bool:
+        setup = self.scene.readings.case.setup
+        if mechanism.id in setup.simulation.includes:
+            because = "the prediction already models it"
+        elif not set(mechanism.kinds) & set(self.scene.kinds):
+            because = f"it cannot show in the channels of this case (it needs: {', '.join(mechanism.kinds)})"
+        else:
+            because = mechanism.why_not(self.scene)
+        if because:
+            self.not_tried[mechanism.id] = because
+        return not because
+
+    # nothing and singles
+
+    def nothing(self) -> Hypothesis:
+        """The hypothesis that nothing was left out."""
+        fit = self.fitter.fit((), np.zeros(0), MIDDLE)
+        self.fitter.weigh([fit])
+        return Hypothesis(fit, fit.log_evidence)
+
+    def singles(self) -> list[Hypothesis]:
+        """One hypothesis per parametric mechanism, best first."""
+        fits = {m: self._fit_ways(terms) for m, terms in self._terms.items()}
+        self.fitter.weigh([f for ways in fits.values() for f in ways])
+        found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
+        return sorted(found, key=lambda h: -h.evidence)
+
+    def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
+        """Fit a mechanism's most promising ways."""
+        looks = []
+        for term in terms:
+            starts = self.fitter.scan_starts(term, MIDDLE)
+            looks.append((starts[0][0], term, [s for _, s in starts[:_STARTS]]))
+        looks.sort(key=lambda look: look[0])
+        return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
+
+    def _best_fit(self, terms: tuple[Term, ...], starts: list[Floats], extra: tuple[Extra, ...] = ()) -> Fit:
+        fits = [self.fitter.fit(terms, s, MIDDLE, extra) for s in starts]
+        return min(fits, key=lambda f: f.objective)
+
+    @staticmethod
+    def _joined(ways: list[Fit], count: int) -> Hypothesis:
+        """Average a mechanism's ways (those not fitted count as hopeless)."""
+        best = max(ways, key=lambda f: f.log_evidence)
+        logs = np.array([f.log_evidence for f in ways])
+        return Hypothesis(best, float(np.logaddexp.reduce(logs) - np.log(count)), ways=ways)
+
+    # one more mechanism beside others
+
+    def beside(self, first: Hypothesis, grid: tuple[Hyper, ...], extra: tuple[Extra, ...]) -> list[Hypothesis]:
+        """Hypotheses of ``first`` and one mechanism more, best first, weighed with ``extra`` effects on ``grid``."""
+        found = []
+        for m, terms in self._terms.items():
+            if m in first.ids:
+                continue
+            fits = self._fit_beside(first.fit, terms, extra)
+            self.fitter.weigh(fits, extra, grid)
+            found.append(replace(self._joined(fits, len(terms)), wanders=first.wanders))
+        return sorted(found, key=lambda h: -h.evidence)
+
+    def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:
+        looks = []
+        for term in terms:
+            scanned = self.fitter.scan_starts(term, MIDDLE, beside=first, extra=extra)
+            looks.append((scanned[0][0], term, scanned[0][1]))
+        looks.sort(key=lambda look: look[0])
+        return [
+            self.fitter.fit((*first.terms, term), np.concatenate([first.theta, start]), MIDDLE, extra)
+            for _, term, start in looks[:2]
+        ]
+
+    def reweighed(self, hypothesis: Hypothesis, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]) -> float:
+        """Evidence of a hypothesis' best way under extra covariance."""
+        copy = replace(hypothesis.fit)
+        self.fitter.weigh([copy], extra, grid)
+        return copy.log_evidence
+
+    def form_error(self, fit: Fit) -> tuple[Extra, ...]:
+        """Random effects for what the forms of the fitted mechanisms themselves may have wrong.
+
+        The change each mechanism makes may be wrong by a smooth function of direction, and by a factor per test.
+        """
+        r = self.scene.readings
+        parts = []
+        for k, term in enumerate(fit.terms):
+            if term.mechanism.form_error <= 0:
+                continue
+            others, theta = _without(fit, k)
+            with_it = r.stretched(predict(self.scene, fit.terms, fit.theta))
+            change = with_it - r.stretched(predict(self.scene, others, theta))
+            by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
+            shape = np.concatenate([_sphere(self.scene, 40.0), by_test], axis=1) / np.sqrt(2.0)
+            parts.append(term.mechanism.form_error * change[:, None] * shape)
+        return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
+
+    # random effects and unnamed structure
+
+    def wandering(
+        self, base: Hypothesis, wander: Wander, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]
+    ) -> Hypothesis:
+        """``base`` with a random effect more: evidence averaged over its amplitudes and lengths."""
+        logs, best = [], (-np.inf, 0.0, 0.0, base.fit)
+        for length in wander.lengths:
+            for amplitude in wander.amplitudes:
+                copy = replace(base.fit)
+                self.fitter.weigh([copy], (*extra, wander.extra(self.scene, amplitude, length)), grid)
+                logs.append(copy.log_evidence)
+                if copy.log_evidence > best[0]:
+                    best = (copy.log_evidence, amplitude, length, copy)
+        evidence = float(np.logaddexp.reduce(logs) - np.log(len(logs)))
+        return Hypothesis(best[3], evidence, (*base.wanders, (wander, best[1], best[2])))
+
+
+def best_hypers(fit: Fit, count: int = 4) -> tuple[Hyper, ...]:
+    """The grid points that carry most of a fit's evidence."""
+    ranked = sorted(fit.hyper_weights, key=lambda h: -fit.hyper_weights[h])
+    return tuple(ranked[:count]) or GRID
+
+
+def _without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:
+    """All terms but the k-th, with their parameters."""
+    counts = [len(t.parameters) for t in fit.terms]
+    start = sum(counts[:k])
+    theta = np.delete(fit.theta, range(start, start + counts[k]))
+    return (*fit.terms[:k], *fit.terms[k + 1 :]), theta
