@@ -11,6 +11,9 @@ from labdaq.errors import LabdaqError
 from labdaq.rooms import check_rooms
 
 COMMANDS: Final[dict[str, str]] = {
+    "explain": "find where recording and simulation differ, and which physics was left out",
+    "predict": "apply an explanation to other tests, with no new fit",
+    "mechanisms": "list what a prediction may leave out",
     "emulate": "Run emulated instruments on real ports.",
     "run": "Take the test of a script.",
     "doctor": "Look at every instrument, the clock and the disk.",

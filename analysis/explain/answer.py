@@ -1,0 +1,207 @@
+"""Write an explanation down: explanation.json (format ``labdaq-explanation/1``) and predictions.csv."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.cases.read import COLUMNS
+from analysis.explain.fit import Fit
+from analysis.explain.locate import Mismatch
+from analysis.explain.mechanisms.base import Term
+from analysis.explain.mismatch import Explanation
+from labdaq.clock import utc_text
+from labdaq.whole_file import write_whole_bytes
+
+FORMAT = "labdaq-explanation/1"
+
+
+def answer(e: Explanation) -> dict[str, Any]:
+    """The contract's JSON object, plus ``findings``, ``leftover``, ``unnamed``, ``evidence`` and ``model``."""
+    found = e.conclusion
+    return {
+        "format": FORMAT,
+        "title": e.scene.readings.case.setup.title,
+        "verdict": found.verdict,
+        "findings": e.findings,
+        "mismatch": [_place(m) for m in e.mismatch],
+        "mechanisms": named(e),
+        "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.alternatives],
+        "indistinguishable": [list(pair) for pair in found.indistinguishable],
+        "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
+        "leftover": [_place(m) for m in e.leftover],
+        "unnamed": [
+            {"along": h.wanders[-1][0].along, "nats": _round(gain), "size": h.wanders[-1][1]}
+            for h, gain in found.unnamed[:4]
+        ],
+        "fit": _fit(e),
+        "next_measurement": next_measurement(e),
+        "evidence": [
+            {"ids": list(h.ids), "nats_over_nothing": _round(h.evidence - found.nothing.evidence)}
+            for h in found.singles
+        ],
+        "model": [_model(term, found.best.fit, k) for k, term in enumerate(found.best.fit.terms)],
+    }
+
+
+def named(e: Explanation) -> list[dict[str, Any]]:
+    """The mechanisms that are claimed, surest first."""
+    found = e.conclusion
+    if found.verdict in {"no-mismatch", "unexplained"}:
+        return []
+    rows = []
+    fit = found.best.fit
+    for k, term in enumerate(fit.terms):
+        theta, sd = _of_term(fit, k)
+        rows.append(
+            {
+                "id": term.mechanism.id,
+                "probability": _round(found.probability.get(term.mechanism.id, 0.0)),
+                "parameters": term.mechanism.report(theta, sd, term),
+                "way": term.branch.label,
+                "statement": term.mechanism.statement(theta, term.branch),
+            }
+        )
+    for wander, amplitude, length in found.best.wanders:
+        if wander.mechanism is None:
+            continue
+        p = wander.mechanism.parameters
+        rows.append(
+            {
+                "id": wander.name,
+                "probability": _round(found.probability.get(wander.name, 0.0)),
+                "parameters": {
+                    p[0].name: {"value": amplitude, "uncertainty": _round(amplitude / 3), "unit": p[0].unit},
+                    p[1].name: {"value": length, "uncertainty": _round(length / 2), "unit": p[1].unit},
+                },
+                "way": wander.along,
+                "statement": wander.mechanism.statement(np.array([amplitude, length]), _no_branch()),
+            }
+        )
+    return sorted(rows, key=lambda row: -float(row["probability"]))
+
+
+def _no_branch() -> Any:
+    from analysis.explain.mechanisms.base import Branch
+
+    return Branch()
+
+
+def _of_term(fit: Fit, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters and their standard deviations of the k-th term."""
+    start = sum(len(t.parameters) for t in fit.terms[:k])
+    stop = start + len(fit.terms[k].parameters)
+    sd = np.sqrt(np.diag(fit.covariance)) if len(fit.covariance) else np.zeros(len(fit.theta))
+    return fit.theta[start:stop], sd[start:stop]
+
+
+def _model(term: Term, fit: Fit, k: int) -> dict[str, Any]:
+    """What `labdaq predict` needs to apply a mechanism elsewhere."""
+    theta, sd = _of_term(fit, k)
+    return {
+        "id": term.mechanism.id,
+        "way": term.branch.label,
+        "facts": term.branch.facts,
+        "theta": [float(x) for x in theta],
+        "sd": [float(x) for x in sd],
+        "names": [p.name for p in term.parameters],
+    }
+
+
+def _place(m: Mismatch) -> dict[str, Any]:
+    return {
+        "where": m.region.where,
+        "size_percent": _round(100 * m.size),
+        "p_value": float(f"{m.p_value:.2g}"),
+        "statement": m.statement,
+    }
+
+
+def _fit(e: Explanation) -> dict[str, Any]:
+    fit: dict[str, Any] = {
+        "records": len(e.scene.readings),
+        "before": {"rms_percent": _round(100 * e.before), "chi2_per_dof": _round(e.chi2_before)},
+        "after": {"rms_percent": _round(100 * e.after), "chi2_per_dof": _round(e.chi2_after)},
+    }
+    if e.held_out is not None:
+        fit["held_out"] = {
+            "scheme": e.held_out.scheme,
+            "before": {"rms_percent": _round(100 * e.held_out.before)},
+            "after": {"rms_percent": _round(100 * e.held_out.after)},
+            "groups": [
+                {"left_out": n, "before": _round(100 * b), "after": _round(100 * a)} for n, b, a in e.held_out.groups
+            ],
+        }
+    return fit
+
+
+def next_measurement(e: Explanation) -> dict[str, Any]:
+    """Which reading would best separate the leading explanations."""
+    found = e.conclusion
+    rivals = [h for h in found.singles if h.ids != found.best.ids][:2]
+    if not found.best.ids or not rivals:
+        return {"statement": "Nothing needs to be told apart.", "would_separate": []}
+    first = found.best.fit.terms[0].mechanism if found.best.fit.terms else found.best.wanders[0][0].mechanism
+    assert first is not None
+    rival = rivals[0].ids[0]
+    return {
+        "statement": f"To tell {first.id} from {rival}: {first.tie_breaker or 'repeat under a very different sun'}.",
+        "would_separate": [[first.id, rival]],
+    }
+
+
+def _round(x: float, digits: int = 5) -> float:
+    return float(f"{x:.{digits}g}")
+
+
+def predictions_csv(e: Explanation) -> str:
+    """records.csv with ``corrected`` and ``corrected_uncertainty`` (empty where there is no reading)."""
+    r = e.scene.readings
+    corrected = np.full(len(r.case.records), np.nan)
+    sd = np.full(len(r.case.records), np.nan)
+    corrected[r.row] = e.corrected / r.unit_factor
+    sd[r.row] = e.corrected_sd / r.unit_factor
+    return records_csv(e, corrected, sd)
+
+
+def records_csv(e: Explanation, corrected: np.ndarray, sd: np.ndarray) -> str:
+    """The case's records with two columns more, as CSV text."""
+    case = e.scene.readings.case
+    return records_with(case, corrected, sd)
+
+
+def records_with(case: Any, corrected: np.ndarray, sd: np.ndarray) -> str:
+    """A case's records with ``corrected`` and ``corrected_uncertainty`` [the channel's unit], as CSV text."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*COLUMNS, "corrected", "corrected_uncertainty"])
+    records = case.records
+    for i in range(len(records)):
+        row = [
+            case.tests[records.test[i]].id,
+            utc_text(int(records.utc_ns[i])) if records.utc_ns[i] >= 0 else "",
+            case.channels[records.channel[i]].id,
+        ]
+        columns = (
+            records.gamma_deg,
+            records.c_deg,
+            records.measured,
+            records.uncertainty,
+            records.simulated,
+            records.sun,
+            records.sky,
+            corrected,
+            sd,
+        )
+        row += ["" if np.isnan(column[i]) else f"{column[i]:.8g}" for column in columns]
+        writer.writerow(row)
+    return out.getvalue()
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON whole or not at all."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_whole_bytes(path, text.encode())

@@ -1,0 +1,77 @@
+"""Apply what was found to other tests of the same station, with the fitted parameters and no new fit."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.cases import Case
+from analysis.cases.model import Floats
+from analysis.explain.answer import FORMAT, records_with
+from analysis.explain.mechanisms.base import Term, predict, terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.noise import USUAL
+from analysis.explain.readings import Readings
+from analysis.explain.retrace import Simulator, retraced_of
+from analysis.explain.scene import Scene
+from labdaq.errors import DataError
+
+
+def read_model(folder: Path) -> list[dict[str, Any]]:
+    """The fitted mechanisms of ``folder/explanation.json``; raises `DataError` if it is not an explanation."""
+    path = folder / "explanation.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(f"{path}: there is no such file", "give the folder that `labdaq explain --out` wrote") from None
+    except json.JSONDecodeError as error:
+        raise DataError(f"{path}: not valid JSON: {error}") from None
+    if content.get("format") != FORMAT or "model" not in content:
+        raise DataError(f"{path}: not an explanation that `labdaq explain` wrote")
+    if content["verdict"] in {"no-mismatch", "unexplained"}:
+        return []
+    model: list[dict[str, Any]] = content["model"]
+    return model
+
+
+def apply_model(model: list[dict[str, Any]], case: Case, simulator: Simulator | None = None) -> str:
+    """The case's records with ``corrected`` and ``corrected_uncertainty``, as CSV text; ``measured`` is not looked at.
+
+    Raises `DataError` when a mechanism cannot be applied because the case lacks what it needs.
+    """
+    readings = Readings.of(case, measured_only=False)
+    scene = Scene(readings, retraced_of(case, simulator))
+    terms = tuple(_term(entry, scene) for entry in model)
+    theta = np.array([x for entry in model for x in entry["theta"]])
+    sd = np.array([x for entry in model for x in entry["sd"]])
+    corrected = predict(scene, terms, theta)
+    variance = np.zeros(len(readings))
+    for k in range(len(theta)):
+        moved = theta.copy()
+        moved[k] += 0.1 * sd[k]
+        variance += ((predict(scene, terms, moved) - corrected) / 0.1) ** 2
+    variance += (_usual(readings) * corrected) ** 2
+    return records_with(case, corrected / readings.unit_factor, np.sqrt(variance) / readings.unit_factor)
+
+
+def _usual(readings: Readings) -> Floats:
+    """Relative standard uncertainty of gain and shape that no explanation removes; shape (N,)."""
+    size = {kind: np.sqrt(u.gain**2 + u.shape**2 + u.shape_of_test**2 + u.scatter**2) for kind, u in USUAL.items()}
+    return np.array([size[str(k)] for k in readings.kind])
+
+
+def _term(entry: dict[str, Any], scene: Scene) -> Term:
+    mechanism = BY_ID[entry["id"]]
+    because = mechanism.why_not(scene)
+    ways = () if because else terms_of(mechanism, scene)
+    same = [t for t in ways if t.branch.label == entry["way"]]
+    alike = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
+    if not same and not alike:
+        raise DataError(
+            f"{mechanism.id} ({entry['way']}) cannot be applied to this case: {because or 'it has no such way'}",
+            "bring the variants, systems or facts that the mechanism needs (labdaq mechanisms)",
+        )
+    term = (same or alike)[0]
+    return replace(term, branch=replace(term.branch, facts=dict(entry["facts"])))

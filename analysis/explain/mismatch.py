@@ -1,0 +1,100 @@
+"""From a case to an explanation: the whole way, in one function."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.cases import Case
+from analysis.cases.model import Floats
+from analysis.explain.conclude import Conclusion, conclude
+from analysis.explain.fit import Fitter
+from analysis.explain.forensics import forensics
+from analysis.explain.heldout import HeldOut, deviations, held_out, rms
+from analysis.explain.locate import Mismatch, locate
+from analysis.explain.mechanisms.base import predict
+from analysis.explain.noise import Hyper
+from analysis.explain.readings import Readings
+from analysis.explain.retrace import Simulator, retraced_of
+from analysis.explain.scene import Scene
+from analysis.explain.search import Search
+
+LOOKING = Hyper(1.0, 1.0)
+"""Size of the usual nuisances, when it is asked where (not why) something differs."""
+
+
+@dataclass
+class Explanation:
+    """Everything found about a case; `analysis.explain.answer` writes it down.
+
+    Attributes
+    ----------
+    mismatch, leftover
+        Where the recording differs from the prediction, and from the corrected prediction.
+    corrected, corrected_sd : shape (N,) [lx, cd, cd/m²]
+        The prediction with the named mechanisms, and its standard uncertainty.
+    """
+
+    scene: Scene
+    conclusion: Conclusion
+    findings: list[str]
+    mismatch: list[Mismatch]
+    leftover: list[Mismatch]
+    corrected: Floats
+    corrected_sd: Floats
+    before: float
+    after: float
+    chi2_before: float
+    chi2_after: float
+    held_out: HeldOut | None
+    not_tried: dict[str, str] = field(default_factory=dict)
+
+
+def explain(
+    case: Case, simulator: Simulator | None = None, progress: Callable[[str], None] = lambda step: None
+) -> Explanation:
+    """Explain ``case``; ``progress`` is told each step as it begins."""
+    readings = Readings.of(case)
+    progress("forensics")
+    findings = forensics(readings)
+    scene = Scene(readings, retraced_of(case, simulator))
+    fitter = Fitter(scene)
+    progress("locating the mismatch")
+    null = fitter.residual((), np.zeros(0))
+    mismatch = locate(readings, null, fitter.whitener(LOOKING))
+    progress("weighing mechanisms")
+    search = Search(fitter)
+    found = conclude(search)
+    best = found.best.fit
+    progress("predicting what was not fitted")
+    outside = held_out(scene, best.terms, best.theta, best.hyper)
+    corrected = predict(scene, best.terms, best.theta)
+    extra = tuple(w.extra(scene, a, x) for w, a, x in found.best.wanders)
+    whitener = fitter.whitener(best.hyper, extra)
+    leftover = locate(readings, best.residual, fitter.whitener(LOOKING, (*search.form_error(best), *extra)))
+    dof = max(len(readings) - len(best.theta), 1)
+    return Explanation(
+        scene=scene,
+        conclusion=found,
+        findings=findings,
+        mismatch=mismatch,
+        leftover=leftover,
+        corrected=corrected,
+        corrected_sd=corrected_sd(scene, best.jacobian, best.covariance, best.hyper, fitter),
+        before=rms(deviations(readings, readings.simulated)),
+        after=rms(deviations(readings, corrected)),
+        chi2_before=float(whitener.squares(null[:, None])[0]) / len(readings),
+        chi2_after=float(whitener.squares(best.residual[:, None])[0]) / dof,
+        held_out=outside,
+        not_tried=search.not_tried,
+    )
+
+
+def corrected_sd(scene: Scene, jacobian: Floats, covariance: Floats, hyper: Hyper, fitter: Fitter) -> Floats:
+    """Standard uncertainty (N,) of the corrected prediction: parameters, gains, and the shape discrepancy."""
+    r = scene.readings
+    variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    for block in fitter.nuisance.blocks:
+        noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
+        variance[block.rows] += np.diag(fitter.nuisance.matrix(block, hyper)) - noise
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)) * r.scale)
