@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.photometry import Distribution
 from analysis.photometry.lm63 import FileGeneration, Opening, write_lm63
 from analysis.photometry.testdata import TestData
-from analysis.simulate.predict import Prediction
+from analysis.simulate.prediction import Prediction
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field
 

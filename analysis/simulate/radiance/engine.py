@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.photometry import Distribution
 from analysis.simulate.daylight import Daylight
-from analysis.simulate.predict import Prediction, SunAndSky
+from analysis.simulate.prediction import Prediction, SunAndSky
 from analysis.simulate.radiance.lenses import bsdf_file
 from analysis.simulate.radiance.scene import scene_text, sees_sun_directly
 from analysis.simulate.radiance.tools import radiance
