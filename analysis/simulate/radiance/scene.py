@@ -1,6 +1,6 @@
 """A skylight as a Radiance scene: what the kernels hold in closed form, here as surfaces and materials.
 
-Metres; the aperture in z = 0, the sky above. Mirror walls are ``BRTDfunc`` with a constant reflectance, because
+Millimetres; the aperture in z = 0, the sky above. Mirror walls are ``BRTDfunc`` with a constant reflectance, because
 ``metal`` grows brighter at grazing angles. Scattering walls (a spread mirror direction) have no counterpart here.
 """
 
@@ -8,34 +8,66 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from analysis.simulate.system import Lens, System, Wall
-from labdaq.errors import SimulationError
+from labdaq.errors import Problems, SimulationError
 
 _DOME_RINGS, _DOME_SECTORS = 24, 64
 
+UNITS_PER_M: Final = 1000.0
+"""Radiance takes points within 1e-6 squared units of an edge as inside a polygon. In metres neighbouring panes then
+overlap by that much, and 2 % of the rays through a dome of 1500 panes pass two of them."""
+
 
 def scene_text(
-    system: System, lens_files: dict[str, Path], suns: list[tuple[float, float, float]], half_angle_deg: float
+    system: System,
+    lens_files: dict[str, Path],
+    suns: list[tuple[float, float, float]],
+    half_angle_deg: float,
+    *,
+    sky_data: bool = False,
 ) -> str:
     """The scene description.
 
     ``lens_files``: BSDF files of the prismatic lenses by place; ``suns``: unit vectors of suns of this half angle and
-    radiance 1, each under a modifier of its own (``sun0``, ``sun1``, ...), as is the sky (``skyglow``, radiance 1).
+    radiance 1, each under a modifier of its own (``sun0``, ``sun1``, ...), as is the sky (``skyglow``, radiance 1, or
+    that of the table ``sky.dat`` over the ``alt`` and ``azi`` of ``sky.cal``).
+    Raises `SimulationError` for what the engine cannot do.
     """
+    check(system)
     lines = []
     kind = "light {} 0 0 3 1 1 1" if sees_sun_directly(system) else "glow {} 0 0 4 1 1 1 0"
     for k, (x, y, z) in enumerate(suns):  # before the sky: of distant sources in line a ray meets the first
         lines.append("void " + kind.format(f"sun{k}"))
         lines.append(f"sun{k} source disc{k} 0 0 4 {x:.9f} {y:.9f} {z:.9f} {2.0 * half_angle_deg:.6f}")
-    lines += ["void glow skyglow 0 0 4 1 1 1 0", "skyglow source sky 0 0 4 0 0 1 180"]
+    if sky_data:
+        lines.append("void brightdata skydata 5 noop sky.dat sky.cal alt azi 0 0")
+    lines.append(f"{'skydata' if sky_data else 'void'} glow skyglow 0 0 4 1 1 1 0")
+    lines.append("skyglow source sky 0 0 4 0 0 1 180")
     lines += _well(system)
     lines += _roof(system)
     lines += _cover(system, lens_files.get("entry"))
     lines += _exit(system, lens_files.get("exit"))
     return "\n".join(lines) + "\n"
+
+
+def check(system: System) -> None:
+    """Raise one `SimulationError` that lists what of a system this engine cannot do."""
+    problems = Problems(f"system {system.name}, Radiance engine")
+    for place, lens in (("entry", system.entry), ("exit", system.exit)):
+        for name in ("haze", "soiling", "isotropic"):
+            if lens.kind != "none" and getattr(lens, name):
+                problems.add(f"{place}.{name}", "has no counterpart")
+    walls = [("wall", system.wall)] + ([("boot", system.boot)] if system.boot_height_m > 0.0 else [])
+    for place, wall in walls:
+        if wall.scatter_deg > 0.0 and wall.lambertian < 1.0:
+            problems.add(f"{place}.scatter_deg", "a spread mirror direction has no counterpart")
+    if system.aperture.shape == "disc" and system.entry.kind == "prismatic":
+        problems.add("entry.kind", "a prismatic dome has no counterpart")
+    problems.raise_if_any(SimulationError, "use --engine tracer")
 
 
 def sees_sun_directly(system: System) -> bool:
@@ -48,8 +80,6 @@ def sees_sun_directly(system: System) -> bool:
 
 
 def _wall_material(name: str, wall: Wall) -> str:
-    if wall.scatter_deg > 0.0:
-        raise SimulationError("the Radiance engine has no wall with a spread mirror direction", "use --engine tracer")
     diffuse = wall.reflectance * wall.lambertian
     mirror = wall.reflectance - diffuse
     return (
@@ -66,7 +96,7 @@ def _well(system: System) -> Iterator[str]:
         yield _wall_material(f"{name}_wall", wall)
         if system.aperture.shape == "disc":
             radius = system.aperture.diameter_m / 2
-            yield f"{name}_wall tube {name} 0 0 7 0 0 {low:.6f} 0 0 {high:.6f} {radius:.6f}"
+            yield f"{name}_wall tube {name} 0 0 7 {_units(0.0, 0.0, low, 0.0, 0.0, high, radius)}"
             continue
         ring = [_turned(system, x, y) for x, y in _corners(system)]
         for k, (a, b) in enumerate(zip(ring, ring[1:] + ring[:1], strict=True)):
@@ -77,7 +107,8 @@ def _roof(system: System) -> Iterator[str]:
     """A black roof around the cover: light comes in through the cover alone."""
     yield "void plastic black 0 0 5 0 0 0 0 0"
     if system.aperture.shape == "disc":
-        yield f"black ring roof 0 0 8 0 0 {system.well_depth_m:.6f} 0 0 1 {system.aperture.diameter_m / 2:.6f} 20"
+        top, inside = _units(0.0, 0.0, system.well_depth_m), _units(system.aperture.diameter_m / 2, 20.0)
+        yield f"black ring roof 0 0 8 {top} 0 0 1 {inside}"
         return
     inner = _corners(system)
     for k, (a, b) in enumerate(zip(inner, inner[1:] + inner[:1], strict=True)):
@@ -92,8 +123,6 @@ def _cover(system: System, bsdf: Path | None) -> Iterator[str]:
         return
     top = system.well_depth_m
     if system.aperture.shape == "disc":
-        if lens.kind == "prismatic":
-            raise SimulationError("the Radiance engine has no prismatic dome", "use --engine tracer")
         yield lens_material("entry", lens, None, (0.0, 1.0, 0.0))
         yield from _dome(system) if system.rise_m > 0.0 else [_disc("entry", system, top, down=True)]
         return
@@ -128,10 +157,6 @@ def _exit(system: System, bsdf: Path | None) -> Iterator[str]:
 
 def lens_material(name: str, lens: Lens, bsdf: Path | None, up: tuple[float, float, float]) -> str:
     """A material for a lens: ``glass`` (Fresnel, inter-reflections), a BSDF file, or a diffuser."""
-    if lens.haze > 0.0 or lens.soiling > 0.0 or lens.isotropic:
-        raise SimulationError(
-            "the Radiance engine has no haze, soiling or isotropic lens", "use --engine tracer, or another BSDF"
-        )
     if lens.kind == "clear":
         # transmissivity of one straight pass; the material adds path length, Fresnel and inter-reflections
         pass_ = math.exp(-lens.absorption_per_mm * lens.thickness_mm)
@@ -146,13 +171,17 @@ def lens_material(name: str, lens: Lens, bsdf: Path | None, up: tuple[float, flo
 
 def polygon(material: str, name: str, points: list[tuple[float, float, float]]) -> str:
     """One polygon; seen from its normal the points run counter-clockwise."""
-    numbers = " ".join(f"{value:.9f}" for point in points for value in point)
-    return f"{material} polygon {name} 0 0 {3 * len(points)} {numbers}"
+    return f"{material} polygon {name} 0 0 {3 * len(points)} {_units(*(value for point in points for value in point))}"
+
+
+def _units(*metres: float) -> str:
+    return " ".join(f"{UNITS_PER_M * value:.7f}" for value in metres)
 
 
 def _disc(material: str, system: System, z: float, *, down: bool) -> str:
     normal = "0 0 -1" if down else "0 0 1"
-    return f"{material} ring {material}_disc 0 0 8 0 0 {z:.6f} {normal} 0 {system.aperture.diameter_m / 2:.6f}"
+    radius = _units(0.0, system.aperture.diameter_m / 2)
+    return f"{material} ring {material}_disc 0 0 8 {_units(0.0, 0.0, z)} {normal} {radius}"
 
 
 def _dome(system: System) -> Iterator[str]:
