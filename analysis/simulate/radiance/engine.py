@@ -30,6 +30,9 @@ SUN_CAP_DEG: Final = 2.5
 SUBDIVISION: Final = 4
 """k of the MF:k sky patches (2305)."""
 
+PILOT: Final = 512
+MOST_RAYS: Final = 65_536
+
 PARTS: Final = 8
 """The rays of each direction are sent in so many independent parts; their scatter is the uncertainty."""
 
@@ -57,12 +60,20 @@ def radiance_prediction(
 ) -> Prediction:
     """Predict one system under one daylight with Radiance; the same values as `predict` with the tracer.
 
-    ``precision`` is met on average over directions for the sky part; the sun part is about three times as noisy.
+    ``precision`` is the root mean square relative uncertainty of the sky part where it is above 5 % of its largest
+    value; a pilot run says how many rays that takes (at most `MOST_RAYS` a direction). The sun part comes with the same
+    rays and says its own uncertainty, often several times as large.
     Raises `SimulationError` for what the engine cannot do (haze, soiling, isotropic lenses, spread walls).
     """
-    rays = int(min(65_536, max(512, 0.35 / precision**2)))
-    far = _field(system, daylight, gamma_deg, c_deg, 0.0, rays, seed)
-    near = _field(system, daylight, gamma_deg, c_deg, distance_m, rays, seed) if distance_m > 0.0 else None
+    wanted = distance_m if distance_m > 0.0 else 0.0
+    rays = PILOT
+    found = _field(system, daylight, gamma_deg, c_deg, wanted, rays, seed)
+    have = _sky_error(found)
+    if have > precision:
+        rays = int(min(MOST_RAYS, PILOT * 1.2 * (have / precision) ** 2))
+        found = _field(system, daylight, gamma_deg, c_deg, wanted, rays, seed)
+    near = found if distance_m > 0.0 else None
+    far = found if near is None else _field(system, daylight, gamma_deg, c_deg, 0.0, rays, seed)
     facts: dict[str, Any] = {"seed": seed, "rays_per_direction": rays, "sun_half_angle_deg": sun_half_angle_deg(system)}
     return Prediction(system, daylight, "radiance", far, near, distance_m, facts)
 
@@ -89,6 +100,12 @@ def coefficients(
     found = found.reshape(len(gamma), PARTS, -1).transpose(1, 0, 2)
     bins = _patch_count() + 1
     return Coefficients(found[..., 1:bins], found[..., bins:], weight)
+
+
+def _sky_error(part: SunAndSky) -> float:
+    candela = part.sky.candela
+    bright = candela > 0.05 * candela.max()
+    return float(np.sqrt(np.mean((part.sky_uncertainty[bright] / candela[bright]) ** 2))) if bright.any() else 0.0
 
 
 def _field(
