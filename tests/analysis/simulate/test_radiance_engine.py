@@ -50,7 +50,7 @@ def both(
 @pytest.mark.parametrize("system", [DOME_TUBE, WHITE_WELL, named("tube").replace(exit=NONE)], ids=lambda s: s.name)
 @pytest.mark.parametrize("field", ["far", "near"])
 def test_open_systems_agree_within_their_uncertainties(system: System, field: str) -> None:
-    ours, theirs = both(system, 2.6 if field == "near" else 0.0, overcast(), 1_000_000, 0.02)
+    ours, theirs = both(system, 2.6 if field == "near" else 0.0, overcast(), 1_000_000, 0.015)
     a, b = (made.field("near" if field == "near" else "far") for made in (ours, theirs))
     apart = np.s_[:-1, 1:-1]  # each direction once: not the nadir, not C = 360, and nothing at the horizon
     x, y = a.sky.candela[apart], b.sky.candela[apart]
@@ -81,7 +81,7 @@ def test_a_bare_tube_passes_what_swift_and_smith_say(way: str) -> None:
 
 
 def tube_transmittance(gamma_deg: float, aspect: float, reflectance: float = 0.98) -> float:
-    """Swift & Smith 1995, doi:10.1016/0927-0248(94)00159-0: mean over chords of a mirror cylinder."""
+    """Swift & Smith 1995, Solar Energy Materials 36:159: mean over chords of a mirror cylinder."""
     s = np.sin((np.arange(200_000) + 0.5) / 200_000 * math.pi / 2)  # chord over diameter; s = sin u takes out 1 / sqrt
     q = aspect * math.tan(math.radians(gamma_deg)) / s
     whole = np.floor(q)
