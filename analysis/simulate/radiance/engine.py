@@ -62,7 +62,8 @@ def radiance_prediction(
 
     ``precision`` is the root mean square relative uncertainty of the sky part where it is above 5 % of its largest
     value; a pilot run says how many rays that takes (at most `MOST_RAYS` a direction). The sun part comes with the same
-    rays and says its own uncertainty, often several times as large.
+    rays and says its own uncertainty, often several times as large. ``seed`` chooses the rays' starts; what Radiance
+    draws on their way differs from run to run.
     Raises `SimulationError` for what the engine cannot do (haze, soiling, isotropic lenses, spread walls).
     """
     wanted = distance_m if distance_m > 0.0 else 0.0

@@ -57,11 +57,13 @@ def test_open_systems_agree_within_their_uncertainties(system: System, field: st
     error = np.hypot(a.sky_uncertainty, b.sky_uncertainty)[apart]
     bright = x > 0.05 * x.max()
     # the tracer's smoothing leaves up to 0.5 % of the largest value besides the statistics of both
-    assert np.all(np.abs(x - y)[bright] < 4.0 * error[bright] + 0.005 * x.max())
-    share = (y / x - 1.0)[bright]
-    expected = float(np.sqrt(np.sum((error / x)[bright] ** 2))) / len(share)
+    off = ((x - y) / np.hypot(error, 0.005 * x.max()))[bright]
+    # Radiance draws anew in every run: rms of 17 to 20 normal values is above 1.7 once in 30,000 runs
+    assert float(np.sqrt(np.mean(off**2))) < 1.7
+    weight = ((x / error)[bright]) ** 2
+    expected = 1.0 / math.sqrt(weight.sum())
     assert expected < 0.01
-    assert abs(share.mean()) < 3.5 * expected + 0.003
+    assert abs(np.average((y / x - 1.0)[bright], weights=weight)) < 3.5 * expected + 0.005
 
 
 @pytest.mark.parametrize("way", ["sky", "patches"])
