@@ -19,22 +19,22 @@ from simulators.hidden.compiled import compiled
 Floats = NDArray[np.float64]
 
 FINE = 120
-"""Cells across the square that holds the map."""
+"""Cells across the square that holds the map, where no other number is asked for."""
 REACH = math.sqrt(2.0) * 1.06
 """Half width of that square: a little beyond the horizon."""
 CELL_SR = (2.0 * REACH / FINE) ** 2
 """Solid angle of a fine cell [sr]: 1.43 degrees square."""
 RADII_M = (math.inf, 2.6, 2.0)
-"""Spheres on which light is counted; between them intensity is a parabola in 1 / radius."""
+"""Spheres on which light is counted by default; between them intensity is a parabola in 1 / radius."""
 
 
 @compiled
-def cell_of(x: float, y: float, z: float) -> int:
-    """Index of the fine cell of a downward unit vector."""
+def cell_of(x: float, y: float, z: float, across: int) -> int:
+    """Index of the cell of a downward unit vector on a map of ``across`` cells squared."""
     f = math.sqrt(2.0 / max(1e-12, 1.0 - z))
-    i = int((x * f + REACH) * (FINE / (2.0 * REACH)))
-    j = int((y * f + REACH) * (FINE / (2.0 * REACH)))
-    return min(FINE - 1, max(0, i)) * FINE + min(FINE - 1, max(0, j))
+    i = int((x * f + REACH) * (across / (2.0 * REACH)))
+    j = int((y * f + REACH) * (across / (2.0 * REACH)))
+    return min(across - 1, max(0, i)) * across + min(across - 1, max(0, j))
 
 
 @compiled

@@ -14,4 +14,4 @@ def compiled(function: F) -> F:
     Compiled functions must not make arrays: without memory management the references of the arrays that are handed
     from function to function need not be counted, which would cost a quarter of the time.
     """
-    return cast(F, numba.njit(cache=True, error_model="numpy", _nrt=False)(function))
+    return cast(F, numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=False)(function))

@@ -58,9 +58,9 @@ class Traced:
 
     Attributes
     ----------
-    flux : shape (A, R, FINE, FINE) [lm]
-        Per answer, radius of `collect.RADII_M` and fine cell; first axis of the map east, second north.
-    square : shape (R, FINE, FINE) [lm²]
+    flux : shape (A, R, across, across) [lm]
+        Per answer, radius and cell; first axis of the map east, second north.
+    square : shape (R, across, across) [lm²]
         Sum of squares for the first answer, for its statistical uncertainty.
     bounces : shape (DEPTH,) [lm]
         Flux that leaves below by number of wall reflections, first answer.
@@ -128,6 +128,8 @@ def _trace(
     steps: Floats,
     factors: Floats,
     dirt: Floats,
+    radii: Floats,
+    across: int,
     flux: Floats,
     square: Floats,
     bounces: Floats,
@@ -186,12 +188,12 @@ def _trace(
                 f *= factors[i, k, min(DEPTH - 1, tally[k])]
             carried[i] = f
         bounces[min(DEPTH - 1, tally[WALL])] += carried[0]
-        for r in range(3):
-            if r == 0:
-                cell = cell_of(dx, dy, dz)
+        for r in range(len(radii)):
+            if math.isinf(radii[r]):
+                cell = cell_of(dx, dy, dz, across)
             else:
-                qx, qy, qz = pierce(x, y, dx, dy, dz, RADII_M[r])
-                cell = cell_of(qx, qy, qz)
+                qx, qy, qz = pierce(x, y, dx, dy, dz, radii[r])
+                cell = cell_of(qx, qy, qz, across)
             square[r, cell] += carried[0] * carried[0]
             for i in range(answers):
                 flux[cell, r, i] += carried[i]
@@ -205,6 +207,8 @@ def trace(
     answers: tuple[Answer, ...] = (Answer(),),
     disc_deg: float = SUN_HALF_ANGLE_DEG,
     aureole_power: float = 0.0,
+    radii_m: tuple[float, ...] = RADII_M,
+    across: int = FINE,
 ) -> Traced:
     """Trace light from ``sun`` through ``skylight``.
 
@@ -216,11 +220,13 @@ def trace(
         Number of rays and which random numbers; the same seed gives the same rays through any skylight.
     disc_deg
         Half angle of a uniform disc [deg]; with ``aureole_power`` > 0 the scale of a `draws.lobe` instead.
+    radii_m, across
+        Spheres on which to count, infinity for the far field, and cells across the map.
     """
     numbers = skylight.numbers()
     factors, dirt = tables(skylight, answers)
-    flux = np.zeros((FINE * FINE, len(RADII_M), len(answers)))
-    square = np.zeros((len(RADII_M), FINE * FINE))
+    flux = np.zeros((across * across, len(radii_m), len(answers)))
+    square = np.zeros((len(radii_m), across * across))
     bounces, sums = np.zeros(DEPTH), np.zeros(6)
     direction = np.asarray(sun, dtype=np.float64)
     _trace(
@@ -234,6 +240,8 @@ def trace(
         kronecker_steps(),
         factors,
         dirt,
+        np.array(radii_m),
+        across,
         flux,
         square,
         bounces,
@@ -246,8 +254,8 @@ def trace(
     )
     sums /= rays
     return Traced(
-        flux=np.moveaxis(flux.reshape(FINE, FINE, len(RADII_M), len(answers)), (2, 3), (1, 0)) / rays,
-        square=square.reshape(len(RADII_M), FINE, FINE) / rays**2,
+        flux=np.moveaxis(flux.reshape(across, across, len(radii_m), len(answers)), (2, 3), (1, 0)) / rays,
+        square=square.reshape(len(radii_m), across, across) / rays**2,
         bounces=bounces / rays,
         sent_lm=float(sums[0]),
         entered_lm=float(sums[5]),
