@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -70,21 +71,37 @@ class Store:
         Folder of the parts.
     progress
         Called with how many of how many suns are traced.
+    across
+        Nodes across the sky's map.
+    nominal
+        What is applied to the tallied events of the base.
+    threads
+        How many suns to trace at a time.
     """
 
     def __init__(
-        self, skylight: Skylight, rays: int, place: Path, progress: Callable[[int, int], None] | None = None
+        self,
+        skylight: Skylight,
+        rays: int,
+        place: Path,
+        progress: Callable[[int, int], None] | None = None,
+        *,
+        across: int = ACROSS,
+        nominal: Answer = Answer(),
+        threads: int = 1,
     ) -> None:
         self.skylight = skylight
-        self.nodes = sky_nodes(ACROSS, symmetries(skylight))
+        self.nodes = sky_nodes(across, symmetries(skylight))
         self._rays = rays
         self._place = place
         self._progress = progress
+        self._nominal = nominal
+        self._threads = threads
 
     def base(self) -> NDArray[np.float32]:
         """Per traced sun and radius: intensity over cos γ [cd per lx facing the sun], (N, R, COARSE, COARSE)."""
         if not self._has("base"):
-            levels = np.stack([level[0] for level in self._levels(self.skylight, self._rays, (Answer(),))])
+            levels = np.stack([level[0] for level in self._levels(self.skylight, self._rays, (self._nominal,))])
             self._save("base", levels.astype(np.float32))
         return self._load("base")
 
@@ -95,10 +112,11 @@ class Store:
         """
         if not self._has("ratios"):
             base, ratios = [], []
-            for level in self._levels(self.skylight, self._rays, first_answers(self.skylight)):
+            for level in self._levels(self.skylight, self._rays, (self._nominal, *first_answers(self.skylight)[1:])):
                 base.append(level[0].astype(np.float32))
                 ratios.append(_ratio(level[1:, :2], level[0, :2]).astype(np.float16))
-            self._save("base", np.stack(base))  # the same rays as without the answers
+            if not self._has("base"):
+                self._save("base", np.stack(base))  # the same rays as without the answers
             self._save("ratios", np.stack(ratios, axis=1))
         return self._load("ratios")
 
@@ -115,10 +133,17 @@ class Store:
 
     def _levels(self, skylight: Skylight, rays: int, answers: tuple[Answer, ...]) -> Iterator[Floats]:
         """Smoothed distributions (A, R, COARSE, COARSE) for one traced sun after the other."""
-        for n, sun in enumerate(self.nodes.seeds):
-            yield smooth(trace(skylight, sun, rays, n + 1, answers).flux)
-            if self._progress is not None:
-                self._progress(n + 1, len(self.nodes.seeds))
+        seeds = self.nodes.seeds
+
+        def level(n: int) -> Floats:
+            return smooth(trace(skylight, seeds[n], rays, n + 1, answers).flux)
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            found = pool.map(level, range(len(seeds))) if self._threads > 1 else map(level, range(len(seeds)))
+            for n, one in enumerate(found):
+                yield one
+                if self._progress is not None:
+                    self._progress(n + 1, len(seeds))
 
     def _has(self, name: str) -> bool:
         return (self._place / f"{name}.npy").is_file()
@@ -142,7 +167,7 @@ def _ratio(level: Floats, nominal: Floats) -> Floats:
     return np.asarray(np.minimum(60_000.0, (level + floor) / (nominal + floor)))
 
 
-def key(skylight: Skylight, rays_per_node: int) -> str:
+def key(skylight: Skylight, rays_per_node: int, across: int = ACROSS, *more: object) -> str:
     """Name of a response on disk: changes with anything that changes its content."""
-    what = [RECIPE, ACROSS, COARSE, SMOOTHING_DEG, [str(r) for r in RADII_M], rays_per_node, asdict(skylight)]
+    what = [RECIPE, across, COARSE, SMOOTHING_DEG, [str(r) for r in RADII_M], rays_per_node, asdict(skylight), *more]
     return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:24]
