@@ -17,7 +17,7 @@ from labdaq.acquisition import Mount
 from labdaq.adapters import BenchArm, BenchCamera
 from labdaq.bench import Bench
 from labdaq.clock import Clock
-from labdaq.emulation import Alter, Emulators, Reached, emulators
+from labdaq.emulation import Alter, Emulators, Reached, emulators, traced_ahead
 from labdaq.errors import ConfigError, Problems
 from labdaq.ports import PortKind, port_kind
 from labdaq.station import Station
@@ -51,7 +51,12 @@ def mount(
         from labdaq.worlds import world_of
 
         seen = world or world_of(station)
-        async with emulators(station, seen, clock, memory=memory, raw=raw, alter=alter) as running:
+        async with contextlib.AsyncExitStack() as stack:
+            if not memory:
+                await stack.enter_async_context(traced_ahead(seen, clock))
+            running = await stack.enter_async_context(
+                emulators(station, seen, clock, memory=memory, raw=raw, alter=alter)
+            )
             yield bench_on(station, clock, running)
 
     return mounted

@@ -4,17 +4,18 @@ All of them observe one world at one clock. Their lines are pseudo-terminals and
 virtual; the bytes on them are the same.
 """
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol, runtime_checkable
 
 import simulators.camera
 import simulators.cl200
 import simulators.goniophotometer
 import simulators.ls110
 from labdaq import equipment
-from labdaq.clock import Clock
+from labdaq.clock import NS, Clock
 from labdaq.errors import ConfigError, Problems
 from labdaq.pipe import PipeEnd
 from labdaq.station import Station
@@ -24,8 +25,12 @@ from simulators.world.observed import World
 Serve = Callable[[Wire], Coroutine[Any, Any, None]]
 
 
-TRANSIMPEDANCE_OHM: Final = 1.0e7
-"""Of the emulated heads' amplifiers; the station file knows only the product with the heads' sensitivity."""
+TRANSIMPEDANCE_OHM: Final = 1.0e6
+"""Of the emulated heads' amplifiers; the station file knows only the product with the heads' sensitivity. With the
+usual 0.3 nA/lx that is 0.3 mV/lx: ±10 V reach to 33 klx, more than a skylight gives under any sun."""
+
+AHEAD_S: Final = 600.0
+"""How far ahead of the clock `traced_ahead` looks [s]."""
 
 Alter = Callable[[equipment.AnyInstrument, Any], Any]
 """Given an instrument of the station and its emulator's options, returns the options to use: where something about an
@@ -88,6 +93,45 @@ async def emulators(
             stack.push_async_callback(port.aclose)
             running.reached[entry.name] = reached
         yield running
+
+
+@runtime_checkable
+class Foresighted(Protocol):
+    """A world that can work out beforehand what it will be asked for."""
+
+    def prepare(self, first_utc_ns: int, last_utc_ns: int) -> None:
+        """Do the work for the time between two instants; may be called in a thread."""
+        ...
+
+
+@contextlib.asynccontextmanager
+async def traced_ahead(world: object, clock: Clock) -> AsyncIterator[None]:
+    """While the context lasts, let a world trace its light some minutes before instruments ask for it.
+
+    Tracing takes seconds, and real ports must be answered in time. It is done in a thread; what the first minute needs
+    is done before the context begins. Not for virtual time.
+    """
+    if not isinstance(world, Foresighted):
+        yield
+        return
+
+    async def ahead() -> None:
+        while True:
+            await clock.sleep(AHEAD_S / 10.0)
+            await look(AHEAD_S)
+
+    async def look(seconds: float) -> None:
+        now_ns = clock.utc_ns()
+        await asyncio.to_thread(world.prepare, now_ns, now_ns + round(seconds * NS))
+
+    await look(AHEAD_S / 10.0)
+    task = asyncio.create_task(ahead())
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
 
 
 def _options(entry: equipment.AnyInstrument, station: Station, *, raw: bool) -> Any:

@@ -83,7 +83,7 @@ class Arm(Table):
         Acceptance of the heads' shields [deg].
     sensitivity_v_per_lx
         Output of each head's amplifier [V/lx]; one number stands for all heads. With the default, ±10 V reach to
-        3333 lx and one step of a 16-bit converter is 0.1 lx.
+        33 klx and one step of a 16-bit converter is 1 lx; dim light is read in finer ranges.
     dark_v
         Output of each head in the dark [V]; one number stands for all heads.
     """
@@ -91,7 +91,7 @@ class Arm(Table):
     distance_m: Positive = 2.6
     gammas_deg: Annotated[tuple[Gamma, ...], Field(min_length=1, max_length=16)] = GREENWOOD_GAMMAS_DEG
     sensor_half_angle_deg: Annotated[float, Field(gt=0, le=90)] = 60.0
-    sensitivity_v_per_lx: Positive | tuple[Positive, ...] = 0.003
+    sensitivity_v_per_lx: Positive | tuple[Positive, ...] = 0.0003
     dark_v: Finite | tuple[Finite, ...] = 0.0
 
     @field_validator("gammas_deg")

@@ -5,7 +5,7 @@ from typing import Literal
 
 from simulators.camera.options import CameraOptions
 from simulators.cl200 import ChromaMeterOptions, Head, LevelHead
-from simulators.goniophotometer import GoniophotometerOptions
+from simulators.goniophotometer import GoniophotometerOptions, SensorChain
 from simulators.line import LineFault
 from simulators.ls110 import LuminanceMeterOptions
 
@@ -57,7 +57,8 @@ class EmulationOptions:
     host, camera_port, modbus_port
         Where the network instruments listen; port 0 is any free one.
     ls110, cl200_global, cl200_diffuse, camera, goniophotometer
-        The instruments; the diffuse meter's head is under a disc of 5 degrees half angle.
+        The instruments; the diffuse meter's head is under a disc of 5 degrees half angle. The
+        goniophotometer's amplifiers give 0.3 mV/lx, so that a skylight in full sun does not saturate them.
     troubles
         Faults on serial lines from the start.
     """
@@ -74,5 +75,7 @@ class EmulationOptions:
         default_factory=lambda: ChromaMeterOptions(heads=(Head(0, LevelHead(shaded_half_angle_deg=5.0)),))
     )
     camera: CameraOptions = field(default_factory=CameraOptions)
-    goniophotometer: GoniophotometerOptions = field(default_factory=GoniophotometerOptions)
+    goniophotometer: GoniophotometerOptions = field(
+        default_factory=lambda: GoniophotometerOptions(chain=SensorChain(transimpedance_ohm=1.0e6))
+    )
     troubles: tuple[LineTrouble, ...] = ()

@@ -21,16 +21,16 @@ SMOOTHING_DEG = 2.0
 """Rms width, in each direction, of the smoothing of counted light [deg]."""
 
 
-def node_centres() -> Floats:
-    """Map coordinates of the nodes along one axis, shape (COARSE,)."""
-    return np.asarray((np.arange(COARSE) + 0.5) * (2.0 * REACH / COARSE) - REACH)
+def node_centres(nodes: int = COARSE) -> Floats:
+    """Map coordinates of the nodes along one axis, shape (nodes,)."""
+    return np.asarray((np.arange(nodes) + 0.5) * (2.0 * REACH / nodes) - REACH)
 
 
 @cache
-def _smoother() -> tuple[Floats, Floats]:
-    """Smoothing matrix (COARSE, FINE), and the projected solid angle that each node's kernel covers."""
-    width = math.radians(SMOOTHING_DEG)
-    kernel = np.exp(-((node_centres()[:, None] - fine_centres()[None, :]) ** 2) / (2.0 * width**2))
+def _smoother(width_deg: float = SMOOTHING_DEG, nodes: int = COARSE) -> tuple[Floats, Floats]:
+    """Smoothing matrix (nodes, FINE), and the projected solid angle that each node's kernel covers."""
+    width = math.radians(width_deg)
+    kernel = np.exp(-((node_centres(nodes)[:, None] - fine_centres()[None, :]) ** 2) / (2.0 * width**2))
     kernel /= kernel.sum(axis=1, keepdims=True)
     offsets = (np.arange(8) + 0.5) / 8 - 0.5
     fine = (fine_centres()[:, None] + offsets[None, :] * (2.0 * REACH / FINE)).ravel()
@@ -41,13 +41,13 @@ def _smoother() -> tuple[Floats, Floats]:
     return kernel, kernel @ projected @ kernel.T
 
 
-def smooth(flux: Floats) -> Floats:
-    """Turn counted flux (..., FINE, FINE) [lm] into intensity over cos γ (..., COARSE, COARSE) [cd].
+def smooth(flux: Floats, width_deg: float = SMOOTHING_DEG, nodes: int = COARSE) -> Floats:
+    """Turn counted flux (..., FINE, FINE) [lm] into intensity over cos γ (..., nodes, nodes) [cd].
 
     Dividing two equally smoothed counts, of flux and of projected solid angle, leaves a Lambertian aperture exact up
     to the horizon.
     """
-    kernel, projected = _smoother()
+    kernel, projected = _smoother(width_deg, nodes)
     smoothed = kernel @ flux @ kernel.T
     return np.where(projected > 1e-3 * CELL_SR, smoothed / np.maximum(projected, 1e-3 * CELL_SR), 0.0)
 
@@ -58,7 +58,7 @@ class Field:
 
     Attributes
     ----------
-    values : shape (R, COARSE, COARSE) [cd]
+    values : shape (R, nodes, nodes) [cd]
         Intensity over cos γ for each radius of `RADII_M`: what illuminance times radius² would be.
     turn_deg
         The whole distribution is turned by this, counter-clockwise seen from above [deg].
@@ -76,7 +76,7 @@ class Field:
         from scipy.ndimage import map_coordinates
 
         directions = turned(directions, -self.turn_deg)
-        at = (to_map(directions) + REACH) * (COARSE / (2.0 * REACH)) - 0.5
+        at = (to_map(directions) + REACH) * (self.values.shape[-1] / (2.0 * REACH)) - 0.5
         coordinates = np.moveaxis(at, -1, 0).reshape(2, -1)
         shape = directions.shape[:-1]
         level = np.zeros(shape)

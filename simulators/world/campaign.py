@@ -93,13 +93,13 @@ def _when(path: SunPath, day: datetime, altitude_deg: float, afternoon: bool) ->
 
 
 def _start(light: Daylight, about_ns: int) -> int:
-    """The start nearest to a time at which the sun then stays free of cloud for a whole test, within a quarter of an hour."""
+    """The start nearest to a time at which the sun then stays free of cloud for a whole test, within 16 minutes."""
     if light.steady:
         return about_ns + 30 * NS
     best, waited = math.inf, about_ns + 30 * NS
-    for k in sorted(range(-8, 9), key=abs):
+    for k in sorted(range(-4, 5), key=abs):
         for lead in (15, 45):
-            start = about_ns + k * SUN_STEP_NS // 2 + lead * NS
+            start = about_ns + k * SUN_STEP_NS + lead * NS
             inside = range(start, start + TEST_S * NS, 5 * NS)
             towards = light.path(start)[None]
             veil = max(float(light.clouds.thickness(towards, t)[0]) for t in inside)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from labdaq.directions import sky_vector
 from simulators.hidden.light import Sun, clear_day
-from simulators.hidden.perez import clearness_brightness, relative_luminance
+from simulators.hidden.perez import relative_luminance
 from simulators.hidden.symmetry import IDENTITY, sky_nodes
+from simulators.world.clearness import clearness_and_brightness
 from simulators.world.clouds import CloudOptions, Clouds
 from simulators.world.sunpath import SunPath
 
@@ -94,7 +95,7 @@ class Daylight:
             return np.zeros(directions.shape[:-1])
         height = max(float(towards[2]), math.sin(math.radians(1.0)))  # Perez's sun is above the horizon
         above = sky_vector(math.degrees(math.asin(height)), math.degrees(math.atan2(towards[0], towards[1])))
-        clearness, brightness = clearness_brightness(normal, diffuse, math.degrees(math.asin(height)))
+        clearness, brightness = clearness_and_brightness(normal, diffuse, math.degrees(math.asin(height)))
         scale = diffuse / _level(tuple(above.tolist()), clearness, brightness)
         value = scale * relative_luminance(directions, above, clearness, brightness)
         if self.steady:

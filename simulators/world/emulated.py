@@ -27,7 +27,7 @@ from simulators.world.daylight import Daylight, hemisphere
 from simulators.world.observed import SunSeen
 from simulators.world.roof import cap
 from simulators.world.sunpath import SunPath
-from simulators.world.tracing import Cells, Halo, Tracing, skylight_with
+from simulators.world.tracing import NODES, Cells, Halo, Tracing, skylight_with
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -136,15 +136,15 @@ class EmulatedWorld:
         true_ns = utc_ns + self._late_ns
         sun = self._light.sun(true_ns)
         level = sun.normal_lx / (1.0 - self.hidden.source.halo)
+        directions, distance = vector(gamma, c_deg), self.options.distance_m
         values, glow = self._between("sky", true_ns, self._sky_step_ns, self._sky_below)
+        candela = Field(values).intensity(directions, distance)
         if level > 0.0 and sun.direction[2] > 0.0:
             first = true_ns // SUN_STEP_NS * SUN_STEP_NS
             self._trace((first, first + SUN_STEP_NS))
             from_sun, sun_glow = self._between("sun", true_ns, SUN_STEP_NS, self._sun_below)
-            values, glow = values + level * from_sun, glow + level * sun_glow
-        directions = vector(gamma, c_deg)
-        lit = Field(values).intensity(directions, self.options.distance_m) / self.options.distance_m**2
-        return lit + between_nodes(glow, gamma, c_deg) + self._stray(directions, true_ns)
+            candela, glow = candela + level * Field(from_sun).intensity(directions, distance), glow + level * sun_glow
+        return candela / distance**2 + between_nodes(glow, gamma, c_deg) + self._stray(directions, true_ns)
 
     def prepare(self, first_utc_ns: int, last_utc_ns: int) -> None:
         """Trace, on all cores, what will be asked for between two instants; else it is traced when it is asked for."""
@@ -162,7 +162,7 @@ class EmulatedWorld:
         """Light below for 1 lx facing the sun: a field's values, and the room's glow."""
         place = self.daylight.path(utc_ns)
         if place[2] <= 0.0:
-            nothing = Field(np.zeros((3, 60, 60)))
+            nothing = Field(np.zeros((3, NODES, NODES)))
             return nothing.values, self._room.glow(nothing)
         (found,) = self.tracing.suns([place])
         return found.values, self._room.glow(found)

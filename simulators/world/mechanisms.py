@@ -62,7 +62,7 @@ def _optics(faults: OpticsFaults, systems: tuple[str, ...]) -> Hidden:
 def _walls(p: Parameters, systems: tuple[str, ...]) -> Hidden:
     return Hidden(
         optics=tuple(
-            (s, OpticsFaults(answer=Answer(wall_reflectance=NOMINAL[s]().wall_reflectance + p["change"])))
+            (s, OpticsFaults(answer=Answer(wall_reflectance=NOMINAL[s].wall_reflectance + p["change"])))
             for s in systems
         )
     )
@@ -98,7 +98,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "circumsolar-aureole": Mechanism(
         "sun and sky",
         {"share": "1", "sigma_deg": "deg"},
-        lambda rng: {"share": float(rng.uniform(0.3, 0.5)), "sigma_deg": float(rng.uniform(3.0, 5.0))},
+        lambda rng: {"share": float(rng.uniform(0.2, 0.4)), "sigma_deg": float(rng.uniform(3.0, 5.0))},
         lambda p, _: Hidden(
             source=SourceFaults(halo=p["share"], halo_deg=p["sigma_deg"] * 2.0**0.5, halo_power=2.0),
         ),
@@ -115,7 +115,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
         "sun and sky",
         {"rms": "1", "correlation_s": "s", "wind_from_deg": "deg", "field": "1"},
         lambda rng: {
-            "rms": float(rng.uniform(0.06, 0.12)),
+            "rms": float(rng.uniform(0.07, 0.14)),
             "correlation_s": float(rng.uniform(10.0, 30.0)),
             "wind_from_deg": float(rng.uniform(0.0, 360.0)),
             "field": float(rng.integers(1 << 20)),
@@ -126,7 +126,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "lens-haze": Mechanism(
         "optics",
         {"haze": "1"},
-        lambda rng: {"haze": float(rng.uniform(0.06, 0.15))},
+        lambda rng: {"haze": float(rng.uniform(0.018, 0.05))},
         lambda p, systems: _optics(OpticsFaults(answer=Answer(haze=p["haze"])), systems),
         "The lenses scattered {haze:.1%} of the light that passed them.",
     ),
@@ -140,9 +140,9 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "lens-orientation": Mechanism(
         "optics",
         {"rotation_deg": "deg"},
-        lambda rng: {"rotation_deg": _sign(rng) * float(rng.uniform(8.0, 20.0))},
+        lambda rng: {"rotation_deg": _sign(rng) * float(rng.uniform(2.0, 5.0))},
         lambda p, systems: _optics(OpticsFaults(turn_deg=p["rotation_deg"]), systems),
-        "The lens patterns were turned by {rotation_deg:+.0f} degrees, counter-clockwise seen from above.",
+        "The lens patterns were turned by {rotation_deg:+.1f} degrees, counter-clockwise seen from above.",
         one_system=True,
     ),
     "wall-reflectance": Mechanism(

@@ -13,7 +13,7 @@ from labdaq.errors import ConfigError
 from labdaq.headers import certificates, expired
 from labdaq.ports import PortKind, port_kind
 from labdaq.script import SIXTEEN_EXPOSURES_S, Script
-from labdaq.station import Station
+from labdaq.station import Arm, Station
 
 HOME = Path(__file__).parents[2]
 EXAMPLES = HOME / "labdaq" / "examples"
@@ -201,7 +201,8 @@ def test_defaults_are_the_report_s() -> None:
     assert script.scan.c_planes_deg == tuple(22.5 * k for k in range(16))
     arm = Station.built_in().goniometer
     assert arm.channels == tuple(f"gonio.g{g}" for g in (0, 5, 15, 25, 35, 45, 55, 65, 75, 85))
-    assert arm.sensitivities_v_per_lx == (0.003,) * 10
+    assert len(arm.sensitivities_v_per_lx) == 10
+    assert Arm().sensitivities_v_per_lx == (0.0003,) * 10
 
 
 def test_certificates_are_hashed_and_expire(tmp_path: Path) -> None:

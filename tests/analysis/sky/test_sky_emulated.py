@@ -15,7 +15,7 @@ from simulators.camera.darkroom import Optics, Shot, develop
 from simulators.camera.files import ExposureData
 from simulators.camera.lens import NOMINAL_VIGNETTING
 from simulators.camera.shutters import COOLPIX
-from simulators.world.plain import PlainWorld
+from simulators.world.emulated import EmulatedWorld
 
 START = 1_279_805_520 * NS  # 2010-07-22 13:32 UTC
 UP = np.array([0.0, 0.0, 1.0])
@@ -25,7 +25,7 @@ WIDTH, HEIGHT = 640, 480
 @pytest.mark.parametrize(("kind", "suffix", "limit"), [("dng", ".dng", 0.01), ("jpeg:95", ".jpg", 0.03)])
 @pytest.mark.parametrize("literal", [True, False])
 def test_sky_and_sun_of_the_emulated_world(kind: str, suffix: str, limit: float, literal: bool, tmp_path: Path) -> None:
-    world, optics = PlainWorld(), Optics()
+    world, optics = EmulatedWorld(), Optics()
     instants = [START + 9 * NS * k for k in range(len(COOLPIX))]
     shots = []
     for k, (shutter, utc_ns) in enumerate(zip(COOLPIX, instants, strict=True)):
