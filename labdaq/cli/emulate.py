@@ -113,7 +113,17 @@ def command(
         asyncio.run(_emulate_station(station, picture in ("raw", "raw+jpeg"), as_json))
         return
     wishes = Wishes(
-        pacing is not False, rate or 1.0, start, seed or 0, serial, host, camera_port, modbus_port, profile, picture, faults
+        pacing is not False,
+        rate or 1.0,
+        start,
+        seed or 0,
+        serial,
+        host,
+        camera_port,
+        modbus_port,
+        profile,
+        picture,
+        faults,
     )
     options = emulation_options(wishes)
     clock: Clock = SystemClock()

@@ -28,6 +28,9 @@ RAYS_PER_NODE = 500_000
 DRAWN = 0.08
 """Share of scattering and haze with which the second tracing is drawn."""
 
+NOMINAL = Answer()
+"""Nothing applied to the tallied events."""
+
 REFLECTANCE_STEPS = (-0.12, -0.05, 0.03)
 LIMITS = (1, 2, 3, 4, 6, 9, 14)
 SHARES = (0.04, 0.12)
@@ -87,7 +90,7 @@ class Store:
         progress: Callable[[int, int], None] | None = None,
         *,
         across: int = ACROSS,
-        nominal: Answer = Answer(),
+        nominal: Answer = NOMINAL,
         threads: int = 1,
     ) -> None:
         self.skylight = skylight

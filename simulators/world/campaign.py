@@ -77,12 +77,12 @@ def campaign(seed: int, systems: tuple[System, ...] = ("box", "tube")) -> tuple[
         sky: Sky = "partly-cloudy" if cloudy[k] else "clear"
         cover = round(float(rng.uniform(0.15, 0.35)), 2) if cloudy[k] else 0.0
         system = systems[(k + turn) % len(systems)]
-        light = Daylight(path, sky, cover, seed)
-        start_ns = _start(light, _when(path, day, float(altitudes[k]), bool(afternoon[k])))
+        about_ns = _when(path, day, float(altitudes[k]), bool(afternoon[k]))
+        start_ns, clouds = _start(path, sky, cover, 1000 * seed + 20 * k + 1, about_ns)
         start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=start_ns // NS)
-        found.append((start, system, sky, cover))
+        found.append((start, system, sky, cover, clouds))
     found.sort(key=lambda test: test[0])
-    return tuple(PlannedTest(f"T{k + 1:02d}", *test, seed) for k, test in enumerate(found))
+    return tuple(PlannedTest(f"T{k + 1:02d}", *test) for k, test in enumerate(found))
 
 
 def _when(path: SunPath, day: datetime, altitude_deg: float, afternoon: bool) -> int:
@@ -92,19 +92,22 @@ def _when(path: SunPath, day: datetime, altitude_deg: float, afternoon: bool) ->
     return min(steps, key=lambda t: abs(path.angles(t)[0] - altitude_deg))
 
 
-def _start(light: Daylight, about_ns: int) -> int:
-    """The start nearest to a time at which the sun then stays free of cloud for a whole test, within 16 minutes."""
-    if light.steady:
-        return about_ns + 30 * NS
-    best, waited = math.inf, about_ns + 30 * NS
-    for k in sorted(range(-4, 5), key=abs):
-        for lead in (15, 45):
-            start = about_ns + k * SUN_STEP_NS + lead * NS
-            inside = range(start, start + TEST_S * NS, 5 * NS)
-            towards = light.path(start)[None]
-            veil = max(float(light.clouds.thickness(towards, t)[0]) for t in inside)
-            if veil < best - 1e-3:
-                best, waited = veil, start
-        if best < 0.01:
-            break
-    return waited
+def _start(path: SunPath, sky: Sky, cover: float, seed: int, about_ns: int) -> tuple[int, int]:
+    """Start, and clouds, of a test near a time: the sun is to stay free of cloud as long as the test lasts.
+
+    The operator waits for a gap up to a quarter of an hour; where none comes, on another day with other clouds.
+    """
+    if cover == 0.0:
+        return about_ns + 30 * NS, seed
+    best, found = math.inf, (about_ns, seed)
+    for day in range(12):
+        clouds = Daylight(path, sky, cover, seed + day).clouds
+        for k in (0, -1, 1, -2, 2, -3, 3):
+            start = about_ns + k * SUN_STEP_NS + 30 * NS
+            towards = path(start)[None]
+            veil = max(float(clouds.thickness(towards, t)[0]) for t in range(start, start + TEST_S * NS, 5 * NS))
+            if veil < best:
+                best, found = veil, (start, seed + day)
+            if best < 0.02:
+                return found
+    return found

@@ -1,8 +1,8 @@
 """Clearness and brightness of a sky from its illuminances, by way of irradiances.
 
 R. Perez, P. Ineichen, R. Seals, J. Michalsky, R. Stewart 1990, "Modeling daylight availability and irradiance
-components from direct and global irradiance", Solar Energy 44:271-289, doi:10.1016/0038-092X(90)90055-H: the two numbers
-are defined on irradiances (equations 1 and 2), luminous efficacies depend on them in turn (equations 7 and 8, table 4).
+components from direct and global irradiance", Solar Energy 44:271-289, doi:10.1016/0038-092X(90)90055-H: both are
+defined on irradiances (equations 1 and 2), luminous efficacies depend on them in turn (equations 7 and 8, table 4).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""One concealed effect of an emulated station: drawn at random, laid over world and instruments, its truth kept apart."""
+"""One concealed effect of an emulated station: drawn at random, laid over world and instruments, its truth apart."""
 
 import json
 from dataclasses import dataclass

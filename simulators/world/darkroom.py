@@ -15,7 +15,7 @@ from simulators.hidden.room import Room
 Floats = NDArray[np.float64]
 
 GAMMA_NODES: Final[Floats] = np.array([0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0, 90.0])
-C_NODES: Final[Floats] = np.arange(32) * 11.25
+C_NODES: Final[Floats] = np.linspace(0.0, 348.75, 32)
 
 
 @dataclass
@@ -52,4 +52,4 @@ def between_nodes(table: Floats, gamma_deg: Floats, c_deg: float) -> Floats:
     low = int(place) % len(C_NODES)
     u = place - math.floor(place)
     row = (1.0 - u) * table[low] + u * table[(low + 1) % len(C_NODES)]
-    return np.interp(gamma_deg, GAMMA_NODES, row)
+    return np.asarray(np.interp(gamma_deg, GAMMA_NODES, row))

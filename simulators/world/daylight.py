@@ -1,7 +1,7 @@
 """Sun and sky over the station: how bright each is at any instant, clouds included.
 
-Levels of the cloudless sun and sky follow the sun's height (`simulators.hidden.light.clear_day`), the sky's luminance is
-the distribution of Perez. Clouds in front of it take light from what is behind them and shine by what they scatter.
+Levels of the cloudless sun and sky follow the sun's height (`simulators.hidden.light.clear_day`), the sky's luminance
+is the distribution of Perez. Clouds in front of it take light from what is behind them and shine by what they scatter.
 """
 
 import math

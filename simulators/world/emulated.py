@@ -59,7 +59,7 @@ class WorldOptions:
         Multiplies the number of traced rays; at 1 a sun's light is good to about 1 % in each bright direction.
     """
 
-    site: Site = Site(34.2176, -82.1084, 180.0)
+    site: Site = field(default_factory=lambda: Site(34.2176, -82.1084, 180.0))
     system: Literal["top", "box", "tube"] = "box"
     sky: Literal["clear", "partly-cloudy", "overcast"] = "clear"
     cloud_cover: float = 0.0

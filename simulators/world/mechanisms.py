@@ -74,16 +74,6 @@ def _cosine(rng: np.random.Generator) -> Parameters:
     return {"loss_at_60": loss, "loss_at_85": at_85}
 
 
-def _swap(rng: np.random.Generator) -> Parameters:
-    first = int(rng.choice([2, 3, 4]))
-    return {"first_gamma_deg": GAMMAS_DEG[first], "second_gamma_deg": GAMMAS_DEG[first + 1]}
-
-
-def _swapped(p: Parameters, systems: tuple[str, ...]) -> Hidden:
-    pair = (GAMMAS_DEG.index(p["first_gamma_deg"]), GAMMAS_DEG.index(p["second_gamma_deg"]))
-    return Hidden(arm=ArmFaults(swapped=pair))
-
-
 def _gain(rng: np.random.Generator) -> Parameters:
     gain = 1.0 + _sign(rng) * float(rng.uniform(0.13, 0.28))
     return {"gain": gain, "gamma_deg": float(rng.choice(GAMMAS_DEG[1:8]))}
@@ -126,7 +116,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "lens-haze": Mechanism(
         "optics",
         {"haze": "1"},
-        lambda rng: {"haze": float(rng.uniform(0.018, 0.05))},
+        lambda rng: {"haze": float(rng.uniform(0.006, 0.02))},
         lambda p, systems: _optics(OpticsFaults(answer=Answer(haze=p["haze"])), systems),
         "The lenses scattered {haze:.1%} of the light that passed them.",
     ),
@@ -140,7 +130,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "lens-orientation": Mechanism(
         "optics",
         {"rotation_deg": "deg"},
-        lambda rng: {"rotation_deg": _sign(rng) * float(rng.uniform(2.0, 5.0))},
+        lambda rng: {"rotation_deg": _sign(rng) * float(rng.uniform(1.0, 2.5))},
         lambda p, systems: _optics(OpticsFaults(turn_deg=p["rotation_deg"]), systems),
         "The lens patterns were turned by {rotation_deg:+.1f} degrees, counter-clockwise seen from above.",
         one_system=True,
@@ -155,7 +145,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "wall-scatter": Mechanism(
         "well",
         {"scattered_share": "1"},
-        lambda rng: {"scattered_share": float(rng.uniform(0.05, 0.12))},
+        lambda rng: {"scattered_share": float(rng.uniform(0.015, 0.05))},
         lambda p, systems: _optics(OpticsFaults(answer=Answer(wall_scatter=p["scattered_share"])), systems),
         "The mirror walls scattered {scattered_share:.1%} of each reflection.",
     ),
@@ -184,23 +174,16 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "gamma-offset": Mechanism(
         "goniometer",
         {"offset_deg": "deg"},
-        lambda rng: {"offset_deg": _sign(rng) * float(rng.uniform(1.0, 2.2))},
+        lambda rng: {"offset_deg": _sign(rng) * float(rng.uniform(0.3, 0.8))},
         lambda p, _: Hidden(arm=ArmFaults(gamma_offset_deg=p["offset_deg"])),
         "The sensors stood {offset_deg:+.1f} degrees off in gamma.",
     ),
     "c-offset": Mechanism(
         "goniometer",
         {"offset_deg": "deg"},
-        lambda rng: {"offset_deg": _sign(rng) * float(rng.uniform(3.0, 8.0))},
+        lambda rng: {"offset_deg": _sign(rng) * float(rng.uniform(1.0, 2.5))},
         lambda p, _: Hidden(arm=ArmFaults(c_offset_deg=p["offset_deg"])),
         "The arm's north was {offset_deg:+.1f} degrees off in C.",
-    ),
-    "channel-swap": Mechanism(
-        "goniometer",
-        {"first_gamma_deg": "deg", "second_gamma_deg": "deg"},
-        _swap,
-        _swapped,
-        "The sensors at {first_gamma_deg:.0f} and {second_gamma_deg:.0f} degrees were wired crosswise.",
     ),
     "dark-offset": Mechanism(
         "sensors",
@@ -240,7 +223,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "clock-offset": Mechanism(
         "time",
         {"offset_s": "s"},
-        lambda rng: {"offset_s": _sign(rng) * float(rng.uniform(240.0, 700.0))},
+        lambda rng: {"offset_s": _sign(rng) * float(rng.uniform(90.0, 240.0))},
         lambda p, _: Hidden(source=SourceFaults(clock_s=p["offset_s"])),
         "The room's clock was {offset_s:+.0f} s away from the roof's: it showed that much less than the true time.",
     ),

@@ -22,7 +22,7 @@ from simulators.hidden.responses import Response
 from simulators.hidden.skylight import Skylight, box, top, tube
 from simulators.hidden.store import Store, cache_folder, key
 from simulators.hidden.symmetry import SkyNodes, sky_from_map, symmetries
-from simulators.hidden.tracer import SUN_HALF_ANGLE_DEG, Answer, trace
+from simulators.hidden.tracer import Answer, trace
 
 Floats = NDArray[np.float64]
 
@@ -111,9 +111,7 @@ class Tracing:
         rays = max(1000, int(self.effort * SKY_RAYS * min(8, 2 * len(symmetries(self.skylight))) / 8))
         name = key(self.skylight, rays, SKY_ACROSS, self.soiling, "world")
         place = self.folder / f"{self.skylight.kind}-{name}"
-        store = Store(
-            self.skylight, rays, place, across=SKY_ACROSS, nominal=self._answer, threads=self.threads
-        )
+        store = Store(self.skylight, rays, place, across=SKY_ACROSS, nominal=self._answer, threads=self.threads)
         return Response(store, np.array(store.base()))
 
     def suns(self, directions: Iterable[Floats]) -> list[Field]:
@@ -133,7 +131,9 @@ class Tracing:
 
     def _sun(self, direction: Floats) -> Field:
         rays = int(self.effort * min(MOST_SUN_RAYS, SUN_RAYS / max(0.05, float(direction[2])) ** 0.7))
-        name = key(self.skylight, rays, NODES, RECIPE, self.soiling, [self.halo.scale_deg, self.halo.share], direction.tolist())
+        name = key(
+            self.skylight, rays, NODES, RECIPE, self.soiling, [self.halo.scale_deg, self.halo.share], direction.tolist()
+        )
         path = self.folder / f"{self.skylight.kind}-suns" / f"{name}.npy"
         if path.is_file():
             return Field(np.load(path).astype(np.float64))
@@ -152,7 +152,7 @@ class Tracing:
 def sharp(flux: Floats, width_deg: float) -> Floats:
     """Smooth counted flux by a kernel of fourth order, which leaves peaks as high as they are to second order.
 
-    Twice a Gaussian less one of twice its variance (Wand and Schucany 1990, doi:10.2307/3315452).
+    Twice a Gaussian less one of twice its variance: the second moments cancel.
     """
     return 2.0 * smooth(flux, width_deg, NODES) - smooth(flux, width_deg * 2.0**0.5, NODES)
 

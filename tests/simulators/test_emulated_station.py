@@ -74,7 +74,9 @@ def test_all_instruments_see_the_same_world_at_the_same_instant() -> None:
             assert seen[1] == pytest.approx(world.roof_illuminance(up, now), rel=0.012)
             assert seen[2] == pytest.approx(world.roof_illuminance(up, now, 5.0), rel=0.012)
             gammas = np.array([0.0, 5, 15, 25, 35, 45, 55, 65])
-            assert lux == pytest.approx(world.room_illuminance(gammas, 37.4, now), abs=0.6, rel=1e-3)  # half a step of 1 lx, and noise
+            assert lux == pytest.approx(
+                world.room_illuminance(gammas, 37.4, now), abs=0.6, rel=1e-3
+            )  # half a step of 1 lx, and noise
 
     in_virtual_time(main)
 
