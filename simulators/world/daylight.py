@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from labdaq.clock import NS
 from labdaq.directions import sky_vector
 from simulators.hidden.light import Sun, clear_day
 from simulators.hidden.perez import relative_luminance
@@ -47,6 +48,10 @@ SKIES: Final[dict[str, Levels]] = {
 }
 """Clear: a July morning at Greenwood had 45.7 klx global and 17.3 klx diffuse at a sun of 31 degrees, noon 105 and 24
 klx. Overcast: some 30 % of the global illuminance of a clear sky (CIE overcast days; the sun is not seen)."""
+
+TYPE_STEP_NS: Final = 900 * NS
+"""Perez's skies come in eight classes of clearness with jumps between them; a real sky does not jump. Its type is taken
+at multiples of this, and the skies of two neighbouring types are mixed in between."""
 
 CLOUD_ALBEDO: Final = 0.45
 """A thick cloud's luminance from below over that of a white surface under the whole clear daylight."""
@@ -93,16 +98,25 @@ class Daylight:
         directions = np.asarray(directions, dtype=np.float64)
         if diffuse <= 0.0:
             return np.zeros(directions.shape[:-1])
-        height = max(float(towards[2]), math.sin(math.radians(1.0)))  # Perez's sun is above the horizon
-        above = sky_vector(math.degrees(math.asin(height)), math.degrees(math.atan2(towards[0], towards[1])))
-        clearness, brightness = clearness_and_brightness(normal, diffuse, math.degrees(math.asin(height)))
-        scale = diffuse / _level(tuple(above.tolist()), clearness, brightness)
-        value = scale * relative_luminance(directions, above, clearness, brightness)
+        above = _risen(towards)
+        first = utc_ns // TYPE_STEP_NS * TYPE_STEP_NS
+        share = (utc_ns - first) / TYPE_STEP_NS
+        value = np.zeros(directions.shape[:-1])
+        for instant, weight in ((first, 1.0 - share), (first + TYPE_STEP_NS, share)):
+            clearness, brightness = self._type(instant)
+            level = weight * diffuse / _level(tuple(above.tolist()), clearness, brightness)
+            value += level * relative_luminance(directions, above, clearness, brightness)
         if self.steady:
             return value
         through = np.exp(-self.clouds.thickness(directions, utc_ns))
         white = CLOUD_ALBEDO * (normal * max(0.0, float(towards[2])) + diffuse) / math.pi
         return np.where(directions[..., 2] > 0.0, value * through + white * (1.0 - through), 0.0)
+
+    def _type(self, utc_ns: int) -> tuple[float, float]:
+        """Clearness and brightness of the cloudless sky."""
+        towards, normal, diffuse = self._cloudless(utc_ns)
+        altitude = math.degrees(math.asin(float(_risen(towards)[2])))
+        return clearness_and_brightness(round(normal, 3), max(1e-3, round(diffuse, 3)), round(altitude, 6))
 
     def _cloudless(self, utc_ns: int) -> tuple[Floats, float, float]:
         """Direction of the sun, its illuminance facing it and that of the sky on the horizontal [lx], no clouds."""
@@ -114,6 +128,12 @@ class Daylight:
             diffuse *= math.exp(min(0.0, altitude - 1.0))
             normal *= max(0.0, altitude)
         return towards, normal * self.levels.beam, diffuse * self.levels.diffuse
+
+
+def _risen(towards: Floats) -> Floats:
+    """The sun's direction, or where it would be one degree above the horizon: Perez's sun is never lower."""
+    height = max(float(towards[2]), math.sin(math.radians(1.0)))
+    return sky_vector(math.degrees(math.asin(min(1.0, height))), math.degrees(math.atan2(towards[0], towards[1])))
 
 
 @lru_cache(maxsize=2048)

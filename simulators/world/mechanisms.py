@@ -167,7 +167,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "stray-light": Mechanism(
         "room",
         {"illuminance_lx": "lx"},
-        lambda rng: {"illuminance_lx": float(rng.uniform(3.0, 8.0))},
+        lambda rng: {"illuminance_lx": float(rng.uniform(0.7, 2.4))},
         lambda p, _: Hidden(room=RoomFaults(stray_lx=p["illuminance_lx"])),
         "A light in the room gave {illuminance_lx:.1f} lx at each sensor.",
     ),
@@ -188,7 +188,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "dark-offset": Mechanism(
         "sensors",
         {"offset_lx": "lx"},
-        lambda rng: {"offset_lx": float(rng.uniform(3.0, 8.0))},
+        lambda rng: {"offset_lx": float(rng.uniform(0.7, 2.4))},
         lambda p, _: Hidden(heads=HeadFaults(dark_lx=p["offset_lx"])),
         "The sensors read {offset_lx:+.1f} lx in the dark.",
     ),
@@ -202,7 +202,7 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "saturation": Mechanism(
         "sensors",
         {"level_lx": "lx"},
-        lambda rng: {"level_lx": float(rng.uniform(3500.0, 9000.0))},
+        lambda rng: {"level_lx": float(rng.uniform(5500.0, 15000.0))},
         lambda p, _: Hidden(heads=HeadFaults(end_lx=p["level_lx"], end_form="soft")),
         "The sensors' range ended gently: E / (1 + E / {level_lx:.0f} lx).",
     ),
