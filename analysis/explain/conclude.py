@@ -19,6 +19,11 @@ NAME_SECOND = 12.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
 UNNAMED = 8.0
 """Unnamed structure beside the best model must gain this before something is said to be left."""
+NAME_SECOND_RANDOM = 32.0
+"""The same for a random effect, which can lean on whatever another form has left."""
+LEAST_EFFECT = 0.012
+"""A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
+not right to better than that."""
 APART = 3.0
 """Hypotheses closer than this are not told apart."""
 TEMPER = 1.6
@@ -96,11 +101,13 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates += [search.wandering(base, w, extra, grid) for w in named_wanders(search.scene, tried)]
     if not candidates:
         return None
-    best = max(candidates, key=lambda h: h.evidence)
+    seen = [h for h in candidates if search.effect_of_last(h) > LEAST_EFFECT]
+    best = max(seen or candidates, key=lambda h: h.evidence)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
-    if gain < NAME_SECOND:
+    random = len(best.wanders) > len(base.wanders)
+    if gain < (NAME_SECOND_RANDOM if random else NAME_SECOND) or not seen:
         return None
     best.evidence = base.evidence + gain
     return gain, best

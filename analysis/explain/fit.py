@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.cases.model import Floats
-from analysis.explain.lens_error import lens_error_effects
+from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Whitener
 from analysis.explain.parameter import Parameter
@@ -81,7 +81,7 @@ class Fitter:
 
     def __init__(self, scene: Scene, nuisance: Nuisance | None = None) -> None:
         self.scene = scene
-        self.nuisance = nuisance or Nuisance(scene.readings, lens_error_effects(scene))
+        self.nuisance = nuisance or Nuisance(scene.readings, lens_error_effects(scene), steepness(scene))
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}
         self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Floats]] = {}

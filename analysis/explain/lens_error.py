@@ -11,13 +11,16 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.fields import Sampler
 from analysis.explain.geometry import blurred
+from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from labdaq import directions
 
 BLUR_DEG = (4.5, 10.0)
 """Widths whose blur is allowed for [deg]."""
-SIZES = {"blur": 0.25, "broad": 0.10, "shift": 0.8, "turn": 0.8, "gain": 0.02}
-"""Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part."""
+SIZES = {"blur": 0.25, "broad": 0.10, "shift": 0.8, "turn": 0.8, "gain": 0.02, "contrast": 0.03, "spin": 0.3}
+"""Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part, loss of contrast."""
+SURROUNDINGS_DEG = 20.0
+"""Width of the surroundings that a contrast is relative to [deg]."""
 _OF_SYSTEM, _OF_TEST = 0.8, 0.6  # of the usual size, in quadrature about one
 
 
@@ -44,13 +47,33 @@ def _shapes(scene: Scene) -> dict[str, Floats]:
     here = at(sun)
     narrow, wide = blurred(scene, sun, BLUR_DEG[0]), blurred(scene, sun, BLUR_DEG[1])
     shapes = {"blur": at(narrow) - here, "broad": at(wide) - at(narrow), "gain": here}
+    around = at(blurred(scene, sun, SURROUNDINGS_DEG))
+    shapes["contrast"] = -here * np.log(np.clip(here / np.maximum(around, 1e-9), 0.1, 10.0))
     azimuth = np.nan_to_num(r.azimuth_deg)
     for name, axis_azimuth in (("shift", azimuth + 90.0), ("turn", azimuth)):
         axis = directions.sky_vector(np.zeros(len(azimuth)), axis_azimuth)
         moved = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], 1.0)
         back = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], -1.0)
         shapes[name] = (Sampler(r.test, *moved)(sun) - Sampler(r.test, *back)(sun)) / 2.0
+    shapes["spin"] = (_turned(r, sun, 1.0) - _turned(r, sun, -1.0)) / 2.0
     return shapes
+
+
+def steepness(scene: Scene) -> Floats:
+    """Change of each row's prediction per degree, on the stretched scale; shape (N,), zero but for goniometer rows."""
+    r, total = scene.readings, scene.fields.total
+    if not np.any(scene.is_gonio):
+        return np.zeros(len(r))
+    gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
+    outwards = Sampler(r.test, np.minimum(gamma + 1.0, 90.0), c)(total) - Sampler(r.test, np.abs(gamma - 1.0), c)(total)
+    across = _turned(r, total, 1.0) - _turned(r, total, -1.0)
+    slope = np.hypot(outwards, across * np.sin(np.radians(gamma))) / 2.0
+    return np.where(scene.is_gonio, slope / np.hypot(r.simulated, r.floor), 0.0)
+
+
+def _turned(r: Readings, field: Floats, degrees: float) -> Floats:
+    """The field where the sensors would be, were the arm turned by an angle [deg]; shape (N,)."""
+    return Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg) + degrees)(field)
 
 
 def _rotated(gamma_deg: Floats, c_deg: Floats, axis: Floats, degrees: float) -> tuple[Floats, Floats]:

@@ -24,6 +24,10 @@ from labdaq import directions
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.004
+POINTING_DEG: Final = 0.12
+"""Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
+_PLANES: Final = 0.5
+"""Variance of what a test's half planes have in common, in shares of its smooth discrepancy's."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,13 @@ class Block:
         return np.asarray(test[:, None] == test[None, :], dtype=np.float64)
 
     @cached_property
+    def same_plane(self) -> Floats:
+        """Correlation over 30° of C, whatever the gamma: a lens errs alike in a whole half plane; shape (n, n)."""
+        c = np.radians(np.nan_to_num(self.readings.c_deg[self.rows]))
+        near: Floats = np.exp((np.cos(c[:, None] - c[None, :]) - 1.0) / np.radians(30.0) ** 2)
+        return near if self.kind == GONIOMETER else np.zeros_like(near)
+
+    @cached_property
     def loud(self) -> Floats:
         """Reading over scale: below 1 where the reading drowns in noise; shape (n,)."""
         r = self.readings
@@ -133,13 +144,16 @@ class Nuisance:
     ----------
     lens_error : shape (N, K)
         Effects of the simulation's lens (`analysis.explain.lens_error`); they grow with `Hyper.lens`.
+    steepness : shape (N,) [1/deg]
+        Relative change of the prediction per degree: a steep place is scattered by errors of direction.
     """
 
-    def __init__(self, readings: Readings, lens_error: Floats) -> None:
+    def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
         self._gains = self._sensor_gains()
         self._lens_error = lens_error
+        self._jitter = POINTING_DEG * steepness
 
     def _sensor_gains(self) -> Floats:
         """Columns (N, K): each sensor's or meter's gain, times its usual size."""
@@ -157,10 +171,12 @@ class Nuisance:
         usual = USUAL[block.kind]
         r = self.readings
         shared = (hyper.shape * usual.shape) ** 2 * block.near + usual.level**2
-        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + usual.gain**2) * block.same_test
+        planes = _PLANES * (hyper.shape * usual.shape_of_test) ** 2 * block.same_plane
+        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + planes + usual.gain**2) * block.same_test
         c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
-        c[np.diag_indices_from(c)] += noise + (hyper.scatter * usual.scatter) ** 2 + 1e-8
+        scatter = usual.scatter**2 + self._jitter[block.rows] ** 2
+        c[np.diag_indices_from(c)] += noise + hyper.scatter**2 * scatter + 1e-8
         return np.asarray(c)
 
     def factored(self, hyper: Hyper) -> "Factored":

@@ -153,6 +153,18 @@ class Search:
             parts.append(term.mechanism.form_error * change[:, None] * shape)
         return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
+    def effect_of_last(self, hypothesis: Hypothesis) -> float:
+        """Relative rms change of the readings by the mechanism that came last, a gain per test removed."""
+        if hypothesis.wanders and hypothesis.wanders[-1][0].mechanism is not None:
+            return hypothesis.wanders[-1][1]
+        fit = hypothesis.fit
+        others, theta = _without(fit, len(fit.terms) - 1)
+        with_it, without = predict(self.scene, fit.terms, fit.theta), predict(self.scene, others, theta)
+        change = (with_it - without) / self.scene.readings.scale
+        test = self.scene.readings.test
+        mean = np.bincount(test, weights=change) / np.maximum(np.bincount(test), 1)
+        return float(np.sqrt(np.mean((change - mean[test]) ** 2)))
+
     # random effects and unnamed structure
 
     def wandering(
