@@ -13,12 +13,16 @@ from analysis.explain.fit import Extra, Fit
 from analysis.explain.noise import GRID
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
-NAME_FIRST = 6.0
+NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
-NAME_SECOND = 12.0
+NAME_FIRST_RANDOM = 25.0
+"""The same for a random effect: it also leans on a simulation's own ripple."""
+NAME_SECOND = 16.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
-UNNAMED = 8.0
-"""Unnamed structure beside the best model must gain this before something is said to be left."""
+UNNAMED = 15.0
+"""Unnamed structure beside a named mechanism must gain this before something is said to be left."""
+UNNAMED_ALONE = 25.0
+"""Unnamed structure alone must gain this before something is said to be there."""
 NAME_SECOND_RANDOM = 32.0
 """The same for a random effect, which can lean on whatever another form has left."""
 LEAST_EFFECT = 0.012
@@ -65,8 +69,9 @@ def conclude(search: Search) -> Conclusion:
     singles = search.singles() + _wandering_singles(search, nothing)
     singles.sort(key=lambda h: -h.evidence)
     found = Conclusion(best=nothing, nothing=nothing, singles=singles)
-    if singles and singles[0].evidence - nothing.evidence > NAME_FIRST:
-        found.best = singles[0]
+    named = [h for h in singles if h.evidence - nothing.evidence > (NAME_FIRST_RANDOM if h.wanders else NAME_FIRST)]
+    if named:
+        found.best = named[0]
         _grow(search, found)
     _look_for_unnamed(search, found)
     _decide(found)
@@ -80,7 +85,8 @@ def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
 
 def _grow(search: Search, found: Conclusion) -> None:
     """Add a second and a third mechanism while the evidence carries them."""
-    bases = [h for h in found.singles[:3] if h.evidence > found.best.evidence - 40.0]
+    near = [h for h in found.singles[:3] if h.evidence > found.best.evidence - 40.0]
+    bases = near if found.best in near else [found.best]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
         if not grown:
@@ -137,7 +143,7 @@ def _decide(found: Conclusion) -> None:
     left = found.unnamed[0][1] if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
     if not found.best.ids:
-        found.verdict = "unexplained" if left > UNNAMED else "no-mismatch"
+        found.verdict = "unexplained" if left > UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED:
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED:

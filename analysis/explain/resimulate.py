@@ -37,6 +37,8 @@ REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1
 MINUTES: Final = (-20.0, 20.0)
 
 RAYS: Final = 60_000
+MORE_RAYS: Final = 250_000
+"""Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
 _DARK: Final = 0.01
 """Share of a part's brightest direction below which a ratio is drawn towards 1: the rays there are few."""
 
@@ -104,7 +106,12 @@ class OwnSimulation:
     def _runs(self) -> dict[str, VariantSet]:
         return {name: self._trace(name, [d for _, d in days], True) for name, days in self._days.items()}
 
-    def _trace(self, name: str, days: list[Daylight], changed: bool) -> VariantSet:
+    @cached_property
+    def _precise(self) -> dict[str, VariantSet]:
+        """The systems as they are with more rays, for what their bounces tell: there, no rays are shared."""
+        return {name: self._trace(name, [d for _, d in days], False, MORE_RAYS) for name, days in self._days.items()}
+
+    def _trace(self, name: str, days: list[Daylight], changed: bool, rays: int = RAYS) -> VariantSet:
         changes = [Change("", dict(s)) for s in _settings(self.systems[name])] if changed else []
         assert self.case.setup.goniometer is not None
         return variants(
@@ -112,7 +119,7 @@ class OwnSimulation:
             days,
             changes,
             distance_m=self.case.setup.goniometer.distance_m,
-            rays=RAYS,
+            rays=rays,
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),
         )
@@ -172,18 +179,18 @@ class OwnSimulation:
                 yield from (self._alone(path, name) for name in touched)
 
     def _changes(self, path: Path, name: str) -> bool:
-        rows = [k for k, _ in self._days[name]]
-        return bool(np.any(np.abs(path.sun[:, rows] - 1.0) > 1e-3) or np.any(np.abs(path.sky[:, rows] - 1.0) > 1e-3))
+        rows, same = [k for k, _ in self._days[name]], 0.0 if path.added else 1.0
+        return any(bool(np.any(np.abs(part[:, rows] - same) > 1e-3)) for part in (path.sun, path.sky))
 
     def _alone(self, path: Path, name: str) -> Path:
         mine = np.zeros(len(self.case.tests), dtype=bool)
         mine[[k for k, _ in self._days[name]]] = True
-        keep = mine[None, :, None, None]
+        keep, same = mine[None, :, None, None], 0.0 if path.added else 1.0
         return dataclasses.replace(
             path,
             label=f"{path.label}, {name} only",
-            sun=np.where(keep, path.sun, 1.0),
-            sky=np.where(keep, path.sky, 1.0),
+            sun=np.where(keep, path.sun, same),
+            sky=np.where(keep, path.sky, same),
         )
 
     def _along(self, label: str, parameter: Parameter, rows: dict[float, Setting], origin: float) -> Path:
@@ -231,14 +238,18 @@ class OwnSimulation:
         yield self._along("wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
 
     def _limits(self) -> Iterator[Path]:
-        """Light without a limit over light cut after N bounces: what the prediction lacks if it was cut so."""
+        """Light that bounces more than N times: what the prediction lacks if it was cut there.
+
+        It is added, not multiplied: below a deep well with the sun low, nothing may have been left to multiply.
+        """
         rows = {}
-        far = self._base
+        whole = self._spread({n: self._as_predicted(run.baseline) for n, run in self._precise.items()})
         for limit in LIMITS:
-            cut = self._spread({n: self._as_predicted(run.again(max_bounces=limit)) for n, run in self._runs.items()})
-            rows[float(limit)] = _ratio(far[0], cut[0]), _ratio(far[1], cut[1])
-        one = np.ones_like(far[0])
-        rows[UNLIMITED] = one, one
+            cut = self._spread(
+                {n: self._as_predicted(run.again(max_bounces=limit)) for n, run in self._precise.items()}
+            )
+            rows[float(limit)] = whole[0] - cut[0], whole[1] - cut[1]
+        rows[UNLIMITED] = np.zeros_like(whole[0]), np.zeros_like(whole[1])
         at = np.array(sorted(rows))
         what = "reflections on the wall after which the simulation stopped"
         limit_of = Parameter("max_bounces", "1", what, 1.0, UNLIMITED, 12.0, (2.0, 4.0, 7.0, 14.0), centre=UNLIMITED)
@@ -246,7 +257,7 @@ class OwnSimulation:
         if stated:
             limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
         sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
-        yield Path("own re-simulation", limit_of, at, sun, sky)
+        yield Path("own re-simulation", limit_of, at, sun, sky, added=True)
 
     def _reflectances(self) -> Iterator[Path]:
         """One path for each system: its wall reflects more or less than described."""

@@ -24,7 +24,7 @@ class Path:
     positions : shape (K,)
         Settings, increasing; the baseline's is one of them.
     sun, sky : shape (K, T, P, G)
-        Ratio to the baseline at each position.
+        Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
     """
 
     label: str
@@ -33,12 +33,14 @@ class Path:
     sun: Floats
     sky: Floats
     geometric: bool = False
+    added: bool = False
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:
         """Fields (T, P, G) of both parts at setting ``at`` (extrapolated beyond the ends)."""
         k = int(np.clip(np.searchsorted(self.positions, at, side="right") - 1, 0, len(self.positions) - 2))
         x = (at - self.positions[k]) / (self.positions[k + 1] - self.positions[k])
-        return base.sun * self._between(self.sun, k, x), base.sky * self._between(self.sky, k, x)
+        sun, sky = self._between(self.sun, k, x), self._between(self.sky, k, x)
+        return (base.sun + sun, base.sky + sky) if self.added else (base.sun * sun, base.sky * sky)
 
     def _between(self, ratio: Floats, k: int, x: float) -> Floats:
         if self.geometric:

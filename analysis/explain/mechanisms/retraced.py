@@ -40,6 +40,9 @@ class _Retraced(Mechanism):
         if light.sun is base.sun and light.sky is base.sky:
             light.sun, light.sky = sun, sky
             return
+        if branch.value.added:
+            light.sun, light.sky = light.sun + sun - base.sun, light.sky + sky - base.sky
+            return
         light.sun = light.sun * np.divide(sun, base.sun, out=np.ones_like(sun), where=base.sun > 0)
         light.sky = light.sky * np.divide(sky, base.sky, out=np.ones_like(sky), where=base.sky > 0)
 
