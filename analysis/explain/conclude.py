@@ -85,7 +85,7 @@ def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
 
 def _grow(search: Search, found: Conclusion) -> None:
     """Add a second and a third mechanism while the evidence carries them."""
-    near = [h for h in found.singles[:3] if h.evidence > found.best.evidence - 40.0]
+    near = [h for h in found.singles[:3] if h.evidence > found.best.evidence - 15.0]
     bases = near if found.best in near else [found.best]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]

@@ -147,18 +147,28 @@ class Fitter:
                 break
         return Fit(terms, theta, residual, jacobian, objective=float(value))
 
-    def scan_starts(
-        self, term: Term, hyper: Hyper, beside: Fit | None = None, extra: tuple[Extra, ...] = ()
-    ) -> list[tuple[float, Floats]]:
-        """Objectives and starting points of one term, best first; ``beside`` others held where they were fitted."""
-        grids = np.meshgrid(*[p.starts for p in term.parameters], indexing="ij")
-        points = np.stack([g.ravel() for g in grids], axis=1) if grids else np.zeros((1, 0))
-        terms = (*beside.terms, term) if beside else (term,)
-        held = beside.theta if beside else np.zeros(0)
-        residuals = np.stack([self.residual(terms, np.concatenate([held, p])) for p in points], axis=1)
-        values = self.whitener(hyper, extra).squares(residuals)
+    def scan_starts(self, term: Term, hyper: Hyper) -> list[tuple[float, Floats]]:
+        """Objectives and starting points of one term alone, best first."""
+        points = _starts(term)
+        residuals = np.stack([self.residual((term,), p) for p in points], axis=1)
+        values = self.whitener(hyper).squares(residuals)
         values += np.array([_prior_value(p, term.parameters) for p in points])
         return [(float(values[k]), points[k]) for k in np.argsort(values)]
+
+    def promise(self, term: Term, hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()) -> tuple[float, Floats]:
+        """How far one term more may lower the objective, and from which start; others are held where they were fitted.
+
+        The change that a start makes is scaled to what fits best, as if the model were linear in it.
+        """
+        points = _starts(term)
+        terms = (*beside.terms, term)
+        moved = [beside.residual - self.residual(terms, np.concatenate([beside.theta, p])) for p in points]
+        gram = self.whitener(hyper, extra).gram(np.column_stack([beside.residual, *moved]))
+        onto, size = gram[0, 1:], np.diag(gram)[1:]
+        scaled = np.where(onto > 0.0, onto**2 / np.maximum(size, 1e-12), 0.0)
+        drop = np.maximum(scaled, 2.0 * onto - size)
+        best = int(np.argmax(drop))
+        return float(drop[best]), points[best]
 
     def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), grid: tuple[Hyper, ...] = GRID) -> None:
         """Set evidence, covariance and best grid point of fits, from one factoring per grid point."""
@@ -177,6 +187,12 @@ class Fitter:
             f.hyper = grid[int(np.argmax(values))]
             f.hyper_weights = dict(zip(grid, np.exp(values - f.log_evidence), strict=True))
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
+
+
+def _starts(term: Term) -> Floats:
+    """All combinations of the parameters' starting values, (K, P); one empty row where there is no parameter."""
+    grids = np.meshgrid(*[p.starts for p in term.parameters], indexing="ij")
+    return np.stack([g.ravel() for g in grids], axis=1) if grids else np.zeros((1, 0))
 
 
 def laplace(gram: Floats, log_det: float, fit: Fit) -> float:

@@ -6,6 +6,7 @@ the two engines disagree about drops out. All settings of a system are traced in
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -60,6 +61,25 @@ def simulator_of(case: Case) -> "OwnSimulation | None":
     return OwnSimulation(case, systems) if usable and case.setup.goniometer else None
 
 
+@dataclass(frozen=True)
+class Retracings:
+    """What re-simulations of one case came to; the light that was traced for it is forgotten.
+
+    Attributes
+    ----------
+    paths
+        Mechanism to its paths of settings.
+    aureoles
+        Sun part (T, P, G) over that of the disc alone, for no aureole and for `AUREOLES_DEG`.
+    near
+        Near over far field of both parts, (T, P, G) each.
+    """
+
+    paths: dict[str, tuple[Path, ...]]
+    aureoles: list[Floats]
+    near: Field
+
+
 class OwnSimulation:
     """Re-simulations of the tests of one case; nothing is traced before it is asked for."""
 
@@ -67,27 +87,41 @@ class OwnSimulation:
         self.case = case
         self.systems = systems
 
+    @cached_property
+    def made(self) -> Retracings:
+        """All of it, traced in one go."""
+        tracing = _Tracing(self.case, self.systems)
+        return Retracings(tracing.paths(), tracing.aureoles(), tracing.near_over_far())
+
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """See `analysis.explain.retrace.Simulator.paths`."""
-        return self._paths.get(mechanism, ())
+        return self.made.paths.get(mechanism, ())
 
     def aureole(self, width_deg: float) -> Floats | None:
         """See `analysis.explain.retrace.Simulator.aureole`; linear in the width between the traced ones."""
-        at, rows = np.array([0.0, *AUREOLES_DEG]), self._aureoles
+        at, rows = np.array([0.0, *AUREOLES_DEG]), self.made.aureoles
         k = int(np.clip(np.searchsorted(at, width_deg, side="right") - 1, 0, len(at) - 2))
         x = (width_deg - at[k]) / (at[k + 1] - at[k])
         return np.asarray(np.maximum((1 - x) * rows[k] + x * rows[k + 1], 0.0))
 
-    @cached_property
-    def _aureoles(self) -> list[Floats]:
-        return [np.ones_like(self._base[0]), *(self._ratio((("aureole_deg", w),))[0] for w in AUREOLES_DEG)]
-
     def near_field(self) -> Field | None:
         """See `analysis.explain.retrace.Simulator.near_field`."""
-        return self._near_over_far
+        return self.made.near
 
-    @cached_property
-    def _near_over_far(self) -> Field:
+
+class _Tracing:
+    """The tracing itself, of all tests and settings, and what is made of it."""
+
+    def __init__(self, case: Case, systems: Mapping[str, System]) -> None:
+        self.case = case
+        self.systems = systems
+
+    def aureoles(self) -> list[Floats]:
+        """See `Retracings`."""
+        return [np.ones_like(self._base[0]), *(self._ratio((("aureole_deg", w),))[0] for w in AUREOLES_DEG)]
+
+    def near_over_far(self) -> Field:
+        """See `Retracings`."""
         far = self._spread({name: run.baseline.far for name, run in self._runs.items()})
         near = self._spread({name: run.baseline.near for name, run in self._runs.items()})
         return _ratio(near[0], far[0]), _ratio(near[1], far[1])
@@ -156,8 +190,8 @@ class OwnSimulation:
 
     # what is made of it
 
-    @cached_property
-    def _paths(self) -> dict[str, tuple[Path, ...]]:
+    def paths(self) -> dict[str, tuple[Path, ...]]:
+        """See `Retracings`."""
         made: dict[str, tuple[Path, ...]] = {
             "lens-orientation": tuple(self._every(self._turns())),
             "lens-anisotropy": tuple(self._every(self._isotropy())),

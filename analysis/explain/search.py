@@ -21,6 +21,8 @@ MIDDLE = Hyper(2.0, 1.2, 1.0)
 """Grid point at which starting points are compared."""
 _BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
 _STARTS = 2
+_PROMISING = 12.0
+"""A mechanism is fitted beside others only where it may lower the objective by this (twice the nats it could gain)."""
 
 
 @dataclass
@@ -114,19 +116,19 @@ class Search:
             if m in first.ids:
                 continue
             fits = self._fit_beside(first.fit, terms, extra)
+            if not fits:
+                continue
             self.fitter.weigh(fits, extra, grid)
             found.append(replace(self._joined(fits, len(terms)), wanders=first.wanders))
         return sorted(found, key=lambda h: -h.evidence)
 
     def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:
-        looks = []
-        for term in terms:
-            scanned = self.fitter.scan_starts(term, MIDDLE, beside=first, extra=extra)
-            looks.append((scanned[0][0], term, scanned[0][1]))
-        looks.sort(key=lambda look: look[0])
+        looks = [(*self.fitter.promise(term, MIDDLE, first, extra), term) for term in terms]
+        looks.sort(key=lambda look: -look[0])
         return [
             self.fitter.fit((*first.terms, term), np.concatenate([first.theta, start]), MIDDLE, extra)
-            for _, term, start in looks[:2]
+            for drop, start, term in looks[:2]
+            if drop > _PROMISING
         ]
 
     def reweighed(self, hypothesis: Hypothesis, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]) -> float:
