@@ -5,6 +5,7 @@ describes its systems, labdaq's own simulator supplies the change as a ratio to 
 """
 
 import numpy as np
+from scipy.special import expn
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
@@ -180,7 +181,7 @@ class Soiling(Mechanism):
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weaken the beam by its path through the dirt, the sky by the mean."""
         slant = 1.0 / np.maximum(np.cos(scene.sun_zenith_at), 0.1)
-        beam, sky = (1.0 - p[0]) ** slant, (1.0 - p[0]) ** 1.6
+        beam, sky = (1.0 - p[0]) ** slant, 2.0 * float(expn(3, -np.log1p(-p[0])))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
         hit = (
             np.ones(len(slant), bool)
             if branch.value is None
