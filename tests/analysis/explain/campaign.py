@@ -180,10 +180,11 @@ def make_case(
     measured: bool = True,
     without: tuple[str, ...] = (),
     change: dict[str, Any] | None = None,
+    more: dict[str, bytes] | None = None,
 ) -> Case:
     """Write a case whose recording is ``truth`` [cd] with ``flaws`` and whose prediction is `light`.
 
-    ``without`` names tables of case.toml to leave out, ``change`` replaces tables.
+    ``without`` names tables of case.toml to leave out, ``change`` replaces tables, ``more`` are files that it names.
     """
     rows = rows_of(tests)
     exact = truth(rows)
@@ -204,7 +205,7 @@ def make_case(
     for name in without:
         del table[name]
     made = {name: content for t in tests for name, content in _files(t).items()} if files else {}
-    return write_case(folder, CaseFile.model_validate(table), records, files=made, replace=True)
+    return write_case(folder, CaseFile.model_validate(table), records, files=made | (more or {}), replace=True)
 
 
 def recorded(rows: Rows, exact: Floats, flaws: Flaws, seed: int) -> Floats:
