@@ -214,7 +214,9 @@ class BounceTruncation(_Retraced):
     stage = Stage.WELL
     leaves_out = "The simulation stopped its rays after too few bounces; light that bounces often is missing."
     parameters = (
-        Parameter("max_bounces", "1", "wall bounces after which the simulation stopped", 1.0, 30.0, 6.0, (4.0,)),
+        Parameter(
+            "max_bounces", "1", "wall bounces after which the simulation stopped", 1.0, 40.0, 12.0, (4.0,), centre=40.0
+        ),
     )
     needs = "a variant, or the systems' description"
     source = "re-simulation without a limit; report chapters 7 to 9 (12, 20 and 50 bounces)"
