@@ -59,6 +59,7 @@ def regions_of(readings: Readings) -> list[Region]:
         rows = readings.kind == kind
         if kind == GONIOMETER:
             found += _rings_and_sectors(readings, rows)
+            found += _beside_the_sun(readings, rows)
         else:
             found += _instruments(readings, rows, str(kind))
         found += _tests(readings, rows)
@@ -101,6 +102,23 @@ def _rings_and_sectors(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
                 spot = near & (r.gamma_deg > low) & (r.gamma_deg < high)
                 name = f"at gamma {low}° to {high}° within {half:g}° of the plane C = {centre:g}°"
                 found.append(Region(name, spot, _where(r, spot, c_deg=sector)))
+    return found
+
+
+def _beside_the_sun(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
+    """Sides of the sun's image: a turned arm raises one side and lowers the other, wherever the sun stands."""
+    image = 180.0 - r.azimuth_deg[r.test]  # light goes on away from the sun
+    if np.any(np.isnan(image[rows])):
+        return []
+    turn = (r.c_deg - image + 180.0) % 360.0 - 180.0
+    found = []
+    for name, low, high in (
+        ("counter-clockwise of the sun's image, seen from above", 10.0, 100.0),
+        ("clockwise of the sun's image, seen from above", -100.0, -10.0),
+        ("on the side of the sun's image", -35.0, 35.0),
+    ):
+        inside = rows & (turn >= low) & (turn <= high) & (r.gamma_deg > 2.0)
+        found.append(Region(name, inside, _where(r, inside)))
     return found
 
 
