@@ -10,13 +10,24 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
-from analysis.explain.mechanisms.base import Term, predict, terms_of
+from analysis.explain.mechanisms.base import Term, in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator, retraced_of
 from analysis.explain.scene import Scene
 from labdaq.errors import DataError
+
+
+_SIMULATED = {
+    "lens-haze",
+    "lens-anisotropy",
+    "lens-orientation",
+    "wall-reflectance",
+    "bounce-truncation",
+    "wall-scatter",
+    "near-field",
+}
 
 
 def read_model(folder: Path) -> list[dict[str, Any]]:
@@ -63,15 +74,30 @@ def _usual(readings: Readings) -> Floats:
 
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:
-    mechanism = BY_ID[entry["id"]]
+    mechanism, facts = BY_ID[entry["id"]], dict(entry["facts"])
     because = mechanism.why_not(scene)
     ways = () if because else terms_of(mechanism, scene)
-    same = [t for t in ways if t.branch.label == entry["way"]]
-    alike = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
-    if not same and not alike:
+    if {"from_utc_s", "until_utc_s"} & set(facts):
+        found = _in_state(entry, scene, ways)
+    else:
+        found = [t for t in ways if t.branch.label == entry["way"]]
+        if not found and mechanism.id in _SIMULATED:
+            # a re-simulation is named after where it came from; the same setting of another origin serves as well
+            found = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
+    if not found:
         raise DataError(
             f"{mechanism.id} ({entry['way']}) cannot be applied to this case: {because or 'it has no such way'}",
-            "bring the variants, systems or facts that the mechanism needs (labdaq mechanisms)",
+            "bring the variants, systems, channels or facts that the mechanism needs (labdaq mechanisms)",
         )
-    term = (same or alike)[0]
-    return replace(term, branch=replace(term.branch, facts=dict(entry["facts"])))
+    return replace(found[0], branch=replace(found[0].branch, facts=facts))
+
+
+def _in_state(entry: dict[str, Any], scene: Scene, ways: tuple[Term, ...]) -> list[Term]:
+    """A meter's state that began or ended at an instant: it acts in this case's tests on the same side of it."""
+    if not scene.readings.has_times:
+        raise DataError(
+            f"{entry['id']} ({entry['way']}) cannot be applied to this case: its records carry no time",
+            "give the records' times: the meter's state changed during the campaign",
+        )
+    whole = [t for t in ways if t.tests is None and entry["way"].startswith(f"{t.branch.label}, ")]
+    return [in_its_state(t, scene, entry["way"], entry["facts"]) for t in whole]

@@ -162,26 +162,42 @@ def terms_of(mechanism: Mechanism, scene: Scene) -> tuple[Term, ...]:
     ways = tuple(Term(mechanism, b, mechanism.parameters_in(scene, b)) for b in mechanism.branches(scene))
     if mechanism.stage is not Stage.ROOF_METERS or scene.kinds != ("roof",):
         return ways
-    return (*ways, *(_during(way, scene, *state) for way in ways for state in _states(scene)))
+    return (*ways, *(_during(way, *state) for way in ways for state in _states(scene)))
 
 
-def _states(scene: Scene) -> list[tuple[str, frozenset[int]]]:
-    """Stretches of the campaign that end or begin at a test, in the order of time (or of the case, without times)."""
+def _states(scene: Scene) -> list[tuple[str, frozenset[int], dict[str, float]]]:
+    """Stretches of the campaign that end or begin at a test, in the order of time (or of the case, without times).
+
+    The facts give the instant [s since 1970] at which the state changed, for cases with other tests.
+    """
     r = scene.readings
     present = np.unique(r.test)
+    began = np.full(len(r.case.tests), np.nan)
     if r.has_times:
-        present = present[np.argsort([r.utc_ns[r.test == k].mean() for k in present])]
+        began[present] = [r.utc_ns[r.test == k].min() / 1e9 for k in present]
+        present = present[np.argsort(began[present])]
     states = []
     for cut in range(1, len(present)):
-        name = r.case.tests[present[cut]].id
-        states.append((f"until before {name}", frozenset(int(k) for k in present[:cut])))
-        states.append((f"from {name} on", frozenset(int(k) for k in present[cut:])))
+        name, at = r.case.tests[present[cut]].id, float(began[present[cut]])
+        known = np.isfinite(at)
+        before, after = (frozenset(int(k) for k in part) for part in (present[:cut], present[cut:]))
+        states.append((f"until before {name}", before, {"until_utc_s": at} if known else {}))
+        states.append((f"from {name} on", after, {"from_utc_s": at} if known else {}))
     return states
 
 
-def _during(way: Term, scene: Scene, label: str, tests: frozenset[int]) -> Term:
-    branch = replace(way.branch, label=f"{way.branch.label}, {label}")
+def _during(way: Term, label: str, tests: frozenset[int], facts: dict[str, float]) -> Term:
+    branch = replace(way.branch, label=f"{way.branch.label}, {label}", facts=way.branch.facts | facts)
     return replace(way, branch=branch, tests=tests)
+
+
+def in_its_state(way: Term, scene: Scene, label: str, facts: dict[str, float]) -> Term:
+    """A whole-campaign way as it acts in the state that ``facts`` (`_states`) of another case describe."""
+    r = scene.readings
+    times = np.array([np.min(r.utc_ns[r.test == k], initial=np.iinfo(np.int64).max) for k in range(len(r.case.tests))])
+    inside = (times / 1e9 >= facts.get("from_utc_s", -np.inf)) & (times / 1e9 < facts.get("until_utc_s", np.inf))
+    tests = frozenset(int(k) for k in np.flatnonzero(inside))
+    return replace(way, branch=replace(way.branch, label=label), tests=tests)
 
 
 def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
