@@ -37,14 +37,34 @@ def read_model(folder: Path) -> list[dict[str, Any]]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(f"{path}: there is no such file", "give the folder that `labdaq explain --out` wrote") from None
-    except json.JSONDecodeError as error:
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: not valid JSON: {error}") from None
-    if content.get("format") != FORMAT or "model" not in content:
+    if not _is_explanation(content):
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote")
     if content["verdict"] in {"no-mismatch", "unexplained"}:
         return []
     model: list[dict[str, Any]] = content["model"]
     return model
+
+
+def _is_explanation(content: object) -> bool:
+    """Whether the parts that a prediction reads are there and of their kinds."""
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        return False
+    model = content.get("model")
+    return isinstance(content.get("verdict"), str) and isinstance(model, list) and all(_is_entry(e) for e in model)
+
+
+def _is_entry(entry: object) -> bool:
+    if not isinstance(entry, dict) or entry.get("id") not in BY_ID or not isinstance(entry.get("way"), str):
+        return False
+    numbers, facts = (entry.get("theta"), entry.get("sd")), entry.get("facts")
+    if not all(isinstance(n, list) and all(isinstance(x, int | float) for x in n) for n in numbers):
+        return False
+    sizes = {len(entry["theta"]), len(entry["sd"]), len(entry.get("names") or [])}
+    return len(sizes) == 1 and isinstance(facts, dict) and all(isinstance(x, int | float) for x in facts.values())
 
 
 def apply_model(model: list[dict[str, Any]], case: Case, simulator: Simulator | None = None) -> str:
