@@ -65,11 +65,13 @@ def explain(
     progress("weighing mechanisms")
     search = Search(fitter)
     found = conclude(search)
-    best = found.best.fit
+    # what is not named corrects nothing
+    kept = found.best if found.verdict in {"explained", "partly-explained"} else found.nothing
+    best = kept.fit
     progress("predicting what was not fitted")
     outside = held_out(scene, best.terms, best.theta, best.hyper)
     corrected = predict(scene, best.terms, best.theta)
-    extra = tuple(w.extra(scene, a, x) for w, a, x in found.best.wanders)
+    extra = tuple(w.extra(scene, a, x) for w, a, x in kept.wanders)
     whitener = fitter.whitener(best.hyper, extra)
     leftover = locate(readings, best.residual, fitter.whitener(LOOKING, (*search.form_error(best), *extra)))
     dof = max(len(readings) - len(best.theta), 1)
