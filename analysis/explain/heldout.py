@@ -12,7 +12,7 @@ from analysis.cases.model import Floats
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import Hyper
-from analysis.explain.readings import Readings
+from analysis.explain.readings import ROOF, Readings
 from analysis.explain.scene import Scene
 
 
@@ -72,17 +72,16 @@ def _fit_without(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hy
 def deviations(readings: Readings, model: Floats) -> Floats:
     """Reading minus model on the stretched scale (relative), a gain per test removed; shape (N,).
 
-    Tests with fewer than five readings keep their gain: there it is the message, not a nuisance.
+    Roof meters, and tests with fewer than five readings, keep their gain: there it is the message, not a nuisance.
     """
     difference = readings.stretched(readings.measured) - readings.stretched(model)
-    weight = (np.abs(readings.measured) / readings.scale) ** 2
-    total = np.zeros(len(difference))
+    free = readings.kind != ROOF
+    weight = np.where(free, (np.abs(readings.measured) / readings.scale) ** 2, 0.0)
     count = len(readings.case.tests)
     sums = np.bincount(readings.test, weights=weight, minlength=count)
     mean = np.bincount(readings.test, weights=weight * difference, minlength=count) / np.maximum(sums, 1e-12)
-    many = np.bincount(readings.test, minlength=count) >= 5
-    total = difference - np.where(many, mean, 0.0)[readings.test]
-    return np.asarray(total)
+    many = np.bincount(readings.test, weights=free, minlength=count) >= 5
+    return np.asarray(difference - np.where(free & many[readings.test], mean[readings.test], 0.0))
 
 
 def rms(values: Floats) -> float:
