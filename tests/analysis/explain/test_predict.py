@@ -1,0 +1,70 @@
+"""An explanation on another case: it acts in its own way and place, or says that it cannot."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.cases import read_case
+from analysis.explain.apply import apply_model
+from labdaq.errors import DataError
+from tests.analysis.explain.campaign import WITHHELD, Floats, light, make_case, rows_of
+from tests.analysis.explain.roof import ROOF_TESTS, beam_and_sky, roof_case, sun_of
+from tests.analysis.explain.test_recovery import _columns
+
+
+def model(mechanism: str, way: str, names: list[str], theta: list[float], **facts: float) -> list[dict[str, Any]]:
+    return [{"id": mechanism, "way": way, "names": names, "theta": theta, "sd": [0.01] * len(theta), "facts": facts}]
+
+
+def corrected(case_folder: Path, what: list[dict[str, Any]]) -> Floats:
+    return _columns(apply_model(what, read_case(case_folder, need_measured=False)), "corrected")[0]
+
+
+def test_a_sensor_of_another_name_is_not_mistaken_for_the_first(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False)
+    what = model("channel-gain", "gonio.g45", ["error"], [0.1])
+    rows = rows_of(WITHHELD)
+    assert corrected(tmp_path / "case", what) == pytest.approx(
+        light(rows) * np.where(rows.gamma_deg == 45.0, 1.1, 1.0), rel=1e-6
+    )
+    elsewhere = model("channel-gain", "other.g45", ["error"], [0.1])
+    with pytest.raises(DataError, match=r"channel-gain \(other.g45\) cannot be applied"):
+        corrected(tmp_path / "case", elsewhere)
+
+
+def test_a_fitted_level_stays_that_of_the_fit(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False)
+    what = model("nonlinearity", "the goniometer's sensors", ["exponent"], [0.1], level=500.0)
+    bare = light(rows_of(WITHHELD))
+    assert corrected(tmp_path / "case", what) == pytest.approx(500.0 * (bare / 500.0) ** 1.1, rel=1e-5)
+
+
+def test_what_the_case_lacks_is_said(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False, without=("room",))
+    what = model("room-interreflection", "", ["wall_reflectance", "floor_reflectance"], [0.1, 0.0])
+    with pytest.raises(DataError, match="does not describe the room"):
+        corrected(tmp_path / "case", what)
+
+
+def test_a_state_acts_on_its_side_of_the_instant_in_tests_of_any_name(tmp_path: Path) -> None:
+    roof_case(tmp_path / "case", {})
+    total = sum(beam_and_sky(sun_of(ROOF_TESTS, 60.0)[0]))
+    turned = ROOF_TESTS[11].start.timestamp()  # the second day's first
+    second = np.arange(len(ROOF_TESTS)) >= 11
+    for fact, acts in (("from_utc_s", second), ("until_utc_s", ~second)):
+        way = "konica, from X7 on" if fact == "from_utc_s" else "konica, until before X7"
+        made = corrected(tmp_path / "case", model("meter-gain", way, ["error"], [0.05], **{fact: turned}))
+        assert made[: len(acts)] == pytest.approx(total, rel=1e-6)
+        assert made[len(acts) :] == pytest.approx(total * np.where(acts, 1.05, 1.0), rel=1e-6)
+
+
+def test_the_steep_law_is_not_taken_for_the_gentle(tmp_path: Path) -> None:
+    roof_case(tmp_path / "case", {})
+    gentle, steep = (
+        corrected(tmp_path / "case", model("meter-cosine", f"velux ({law} law)", ["error_at_60deg"], [0.1]))
+        for law in ("gentle", "steep")
+    )
+    low = sun_of(ROOF_TESTS, 60.0)[0] < 20.0
+    assert np.all(steep[: len(low)][low] > gentle[: len(low)][low])
