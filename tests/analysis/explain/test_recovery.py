@@ -21,6 +21,17 @@ from analysis.explain.mismatch import explain
 from labdaq.cli import cli
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, WITHHELD, Floats, Truth, light, make_case, rows_of
+from tests.analysis.explain.roof import (
+    ROOF_TESTS,
+    SKY_TESTS,
+    beam_and_sky,
+    luminance,
+    picture_points,
+    roof_case,
+    sky_case,
+    sun_of,
+)
+from tests.analysis.explain.test_mechanisms import _tilted
 
 
 @dataclass(frozen=True)
@@ -117,6 +128,9 @@ def test_structure_that_nobody_named_is_located_and_not_given_a_name(tmp_path: P
         for p in hit
     )
     assert any("direction" in u["along"] or "gamma" in u["along"] for u in content["unnamed"] if u["nats"] > 8.0)
+    if content["verdict"] == "unexplained":
+        assert content["mechanisms"] == []
+        assert content["fit"]["after"]["rms_percent"] == content["fit"]["before"]["rms_percent"], "no name, no correction"
 
 
 def _covers(sector: list[float], c_deg: float) -> bool:
@@ -134,6 +148,47 @@ def test_a_beam_that_wanders_is_found_in_time_not_in_direction(tmp_path: Path) -
 def test_the_same_case_gets_the_same_answer_twice(tmp_path: Path) -> None:
     case = make_case(tmp_path / "case", effects.c_offset(6.0), tests=TESTS[:3])
     assert json.dumps(answer(explain(case))) == json.dumps(answer(explain(read_case(tmp_path / "case"))))
+
+
+# the roof and the picture
+
+
+def _noisy(values: Floats, relative: float, seed: int = 5) -> Floats:
+    return np.asarray(values * (1.0 + relative * np.random.default_rng(seed).standard_normal(len(values))))
+
+
+def test_a_meter_that_is_not_level_is_found(tmp_path: Path) -> None:
+    content = answer(explain(roof_case(tmp_path / "case", {"velux": _noisy(_tilted(2.0, -3.0), 0.002)})))
+    first = content["mechanisms"][0]
+    assert first["id"] == "meter-tilt"
+    assert "velux" in first["way"]
+    for name, value in (("tilt_north_deg", 2.0), ("tilt_east_deg", -3.0)):
+        found = first["parameters"][name]
+        assert abs(found["value"] - value) < 3.0 * found["uncertainty"]
+    held = content["fit"]["held_out"]
+    assert held["after"]["rms_percent"] < 0.3 * held["before"]["rms_percent"]
+
+
+def test_a_meter_out_of_calibration_is_found(tmp_path: Path) -> None:
+    true = sum(beam_and_sky(sun_of(ROOF_TESTS, 60.0)[0]))
+    content = answer(explain(roof_case(tmp_path / "case", {"konica": _noisy(1.05 * true, 0.002)})))
+    first = content["mechanisms"][0]
+    assert first["id"] == "meter-gain"
+    assert first["way"] == "konica"
+    assert first["parameters"]["error"]["value"] == pytest.approx(0.05, abs=0.005)
+    held = content["fit"]["held_out"]  # a gain in the roof is error, not nuisance
+    assert held["after"]["rms_percent"] < 0.5 * held["before"]["rms_percent"]
+
+
+def test_a_fisheye_that_darkens_towards_its_rim_is_found(tmp_path: Path) -> None:
+    zenith, azimuth = picture_points()
+    true = np.concatenate([luminance(t, zenith, azimuth) for t in SKY_TESTS])
+    seen = _noisy(true * (1.0 - 0.35 * (np.tile(zenith, len(SKY_TESTS)) / 90.0) ** 2), 0.01)
+    content = answer(explain(sky_case(tmp_path / "case", seen)))
+    first = content["mechanisms"][0]
+    assert first["id"] == "vignetting"
+    found = first["parameters"]["loss_at_rim"]
+    assert abs(found["value"] - 0.35) < 3.0 * found["uncertainty"]
 
 
 @pytest.mark.slow
