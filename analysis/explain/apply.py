@@ -18,7 +18,6 @@ from analysis.explain.retrace import Simulator, retraced_of
 from analysis.explain.scene import Scene
 from labdaq.errors import DataError
 
-
 _SIMULATED = {
     "lens-haze",
     "lens-anisotropy",

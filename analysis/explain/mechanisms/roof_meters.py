@@ -173,7 +173,11 @@ class MeterCosine(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, with a gentle or a steep law."""
-        return tuple(Branch(f"{b.label} ({law} law)", (b.value, law)) for b in _roof_channels(scene) for law in ("gentle", "steep"))
+        return tuple(
+            Branch(f"{b.label} ({law} law)", (b.value, law))
+            for b in _roof_channels(scene)
+            for law in ("gentle", "steep")
+        )
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weight beam and sky by the response."""
