@@ -1,4 +1,4 @@
-"""An invented campaign: smooth sun and sky images under two skylights, and what a recording of them may have gone through.
+"""An invented campaign: smooth images of sun and sky under two skylights, and what a recording of them went through.
 
 Nothing here is taken from `analysis.explain`. The light is written as functions of direction, so that what an effect
 does (a turned arm, say) is worked out by asking the function elsewhere, not by resampling a grid.
@@ -174,7 +174,7 @@ def make_case(
     truth: Truth = light,
     *,
     tests: tuple[Sky, ...] = TESTS,
-    flaws: Flaws = Flaws(),  # noqa: B008 - frozen
+    flaws: Flaws = Flaws(),
     seed: int = 1,
     files: bool = True,
     measured: bool = True,

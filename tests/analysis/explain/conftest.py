@@ -12,9 +12,7 @@ from tests.analysis.explain.roof import roof_case, sky_case
 @pytest.fixture(scope="session")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """The campaign below, predicted in the far field and recorded without flaw."""
-    case = make_case(
-        tmp_path_factory.mktemp("arm") / "case", flaws=NONE, change={"simulation": {"field": "far"}}
-    )
+    case = make_case(tmp_path_factory.mktemp("arm") / "case", flaws=NONE, change={"simulation": {"field": "far"}})
     return Scene(Readings.of(case), retraced_of(case))
 
 

@@ -259,9 +259,7 @@ def test_a_missing_file_is_named(labdaq: Run, tmp_path: Path) -> None:
         ('{"format": "labdaq-explanation/1", "verdict": "explained", "model": [{"id": "x"}]}', "not an explanation"),
     ],
 )
-def test_a_folder_that_is_no_explanation_is_refused(
-    labdaq: Run, tmp_path: Path, text: str | None, says: str
-) -> None:
+def test_a_folder_that_is_no_explanation_is_refused(labdaq: Run, tmp_path: Path, text: str | None, says: str) -> None:
     make_case(tmp_path / "case", tests=WITHHELD, measured=False)
     (tmp_path / "answer").mkdir()
     if text is not None:

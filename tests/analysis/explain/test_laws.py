@@ -1,6 +1,8 @@
 """What must hold for the catalogue and for any parameters: neutral values, turns, mirrors, flux and energy."""
 
+import itertools
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -148,9 +150,7 @@ def test_swapped_twice_is_nothing(arm: Scene) -> None:
         back = made.copy()
         for t in np.unique(r.test):
             for c in np.unique(r.c_deg):
-                pair = [
-                    np.flatnonzero((r.test == t) & (r.c_deg == c) & (r.gamma_deg == g))[0] for g in (one, other)
-                ]
+                pair = [np.flatnonzero((r.test == t) & (r.c_deg == c) & (r.gamma_deg == g))[0] for g in (one, other)]
                 back[pair] = made[pair[::-1]]
         assert back == pytest.approx(r.simulated, rel=0.01)  # planes lie between those of the grid
         untouched = ~np.isin(r.gamma_deg, (one, other))
@@ -177,7 +177,7 @@ def test_an_aureole_keeps_the_flux_and_lowers_the_peak(arm: Scene, width: float)
 
 def test_a_wider_aureole_is_flatter(arm: Scene) -> None:
     peaks = [blurred(arm, arm.fields.sun[:1], w).max() for w in (2.0, 4.0, 8.0, 14.0)]
-    assert all(a > b for a, b in zip(peaks, peaks[1:], strict=False))
+    assert all(a > b for a, b in itertools.pairwise(peaks))
 
 
 @few

@@ -156,11 +156,7 @@ def _late(minutes: float) -> Floats:
 def test_the_roof_reads_what_the_effect_gives(
     roof: Scene, mechanism: str, way: str, theta: tuple[float, ...], exact: Floats
 ) -> None:
-    ways = [
-        t
-        for t in terms_of(BY_ID[mechanism], roof)
-        if t.tests is None and t.branch.label == way
-    ]
+    ways = [t for t in terms_of(BY_ID[mechanism], roof) if t.tests is None and t.branch.label == way]
     assert len(ways) == 1
     made = predict(roof, (ways[0],), np.array(theta))
     count = len(ROOF_TESTS)

@@ -1,7 +1,7 @@
 """Cases made with one effect: is it named first, how large, does it help where nothing was fitted, and what of nothing?
 
-The recordings carry what all have: noise, gains of tests and sensors, and a ripple of the simulation's shape. The seed is
-one of many on which the same holds; rates over many worlds are the blind trial's to measure (docs/explaining.md).
+The recordings carry what all have: noise, gains of tests and sensors, and a ripple of the simulation's shape. One
+seed is shown of many; rates over many worlds are the blind trial's to measure (docs/explaining.md).
 """
 
 import csv
@@ -55,7 +55,9 @@ WORLDS = {
     "dark": World(effects.offset(25.0), "dark-offset", "offset", 25.0),
     "gain": World(effects.gain(45.0, 0.10), "channel-gain", "error", 0.10, falls=0.8),
     "power": World(effects.power(0.05), "nonlinearity", "exponent", 0.05),
-    "leak": World(effects.leak(12.0), "stray-light", "illuminance_lx", 12.0 * np.mean([t.global_lx for t in TESTS]) / 1e5),
+    "leak": World(
+        effects.leak(12.0), "stray-light", "illuminance_lx", 12.0 * np.mean([t.global_lx for t in TESTS]) / 1e5
+    ),
     "room": World(effects.room(0.08, 0.02), "room-interreflection", "wall_reflectance", 0.08),
     "soiling": World(effects.dirt(0.12), "soiling", "loss", 0.12, falls=1.02),
 }
@@ -130,7 +132,9 @@ def test_structure_that_nobody_named_is_located_and_not_given_a_name(tmp_path: P
     assert any("direction" in u["along"] or "gamma" in u["along"] for u in content["unnamed"] if u["nats"] > 8.0)
     if content["verdict"] == "unexplained":
         assert content["mechanisms"] == []
-        assert content["fit"]["after"]["rms_percent"] == content["fit"]["before"]["rms_percent"], "no name, no correction"
+        assert content["fit"]["after"]["rms_percent"] == content["fit"]["before"]["rms_percent"], (
+            "no name, no correction"
+        )
 
 
 def _covers(sector: list[float], c_deg: float) -> bool:
