@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.explain.families import named_wanders, unnamed_wanders
-from analysis.explain.fit import Extra, Fit
+from analysis.explain.fit import Extra, Fit, posterior_covariance
 from analysis.explain.noise import GRID
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
@@ -69,13 +69,28 @@ def conclude(search: Search) -> Conclusion:
     singles = search.singles() + _wandering_singles(search, nothing)
     singles.sort(key=lambda h: -h.evidence)
     found = Conclusion(best=nothing, nothing=nothing, singles=singles)
-    named = [h for h in singles if h.evidence - nothing.evidence > (NAME_FIRST_RANDOM if h.wanders else NAME_FIRST)]
+    few = _few(search)
+    needs = {True: few * NAME_FIRST_RANDOM, False: NAME_FIRST}
+    named = [h for h in singles if h.evidence - nothing.evidence > needs[bool(h.wanders)]]
     if named:
         found.best = named[0]
         _grow(search, found)
     _look_for_unnamed(search, found)
-    _decide(found)
+    _decide(found, few)
+    if found.best.ids:
+        _widen(search, found.best.fit)
     return found
+
+
+def _few(search: Search) -> float:
+    """Share of a threshold that guards against ripple: where there are few readings, ripple cannot add up."""
+    return float(np.clip(np.sqrt(len(search.scene.readings) / 1000.0), 0.25, 1.0))
+
+
+def _widen(search: Search, fit: Fit) -> None:
+    """Let the parameters' uncertainties hold what the forms themselves have wrong."""
+    whitener = search.fitter.whitener(fit.hyper, search.form_error(fit))
+    fit.covariance = posterior_covariance(whitener, fit)
 
 
 def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
@@ -107,13 +122,14 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates += [search.wandering(base, w, extra, grid) for w in named_wanders(search.scene, tried)]
     if not candidates:
         return None
-    seen = [h for h in candidates if search.effect_of_last(h) > LEAST_EFFECT]
+    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT]
     best = max(seen or candidates, key=lambda h: h.evidence)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders)
-    if gain < (NAME_SECOND_RANDOM if random else NAME_SECOND) or not seen:
+    needed = NAME_SECOND_RANDOM if random else NAME_SECOND
+    if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
     best.evidence = base.evidence + gain
     return gain, best
@@ -139,11 +155,11 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
         found.unnamed_alone = max(gains, default=0.0)
 
 
-def _decide(found: Conclusion) -> None:
+def _decide(found: Conclusion, few: float) -> None:
     left = found.unnamed[0][1] if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
     if not found.best.ids:
-        found.verdict = "unexplained" if left > UNNAMED_ALONE else "no-mismatch"
+        found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED:
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED:

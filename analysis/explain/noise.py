@@ -122,12 +122,12 @@ def blocks_of(readings: Readings) -> tuple[Block, ...]:
 
 
 def _sphere_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Half 17°, half 46° squared-exponential correlation of directions; rows without one are alone with themselves."""
+    """Squared-exponential correlations of directions, 9°, 17° and 46° wide; rows without one are alone with themselves."""
     v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
     half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
     near = np.zeros_like(half_chord2)
-    for width_deg in (17.0, 46.0):
-        near += 0.5 * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
+    for share, width_deg in ((0.25, 9.0), (0.35, 17.0), (0.4, 46.0)):
+        near += share * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
     return near
 
 

@@ -235,7 +235,7 @@ class _Tracing:
 
     def _turns(self) -> Iterator[Path]:
         what = "turn of the lens patterns, counter-clockwise from above"
-        turn = Parameter("rotation_deg", "deg", what, 0.0, 90.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
+        turn = Parameter("rotation_deg", "deg", what, 6.0, 84.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
         path = self._along("own re-simulation", turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0)
         one = np.ones_like(path.sun[:1])
         yield dataclasses.replace(

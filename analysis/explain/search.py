@@ -155,17 +155,18 @@ class Search:
             parts.append(term.mechanism.form_error * change[:, None] * shape)
         return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
-    def effect_of_last(self, hypothesis: Hypothesis) -> float:
-        """Relative rms change of the readings by the mechanism that came last, a gain per test removed."""
-        if hypothesis.wanders and hypothesis.wanders[-1][0].mechanism is not None:
-            return hypothesis.wanders[-1][1]
-        fit = hypothesis.fit
-        others, theta = _without(fit, len(fit.terms) - 1)
-        with_it, without = predict(self.scene, fit.terms, fit.theta), predict(self.scene, others, theta)
-        change = (with_it - without) / self.scene.readings.scale
-        test = self.scene.readings.test
-        mean = np.bincount(test, weights=change) / np.maximum(np.bincount(test), 1)
-        return float(np.sqrt(np.mean((change - mean[test]) ** 2)))
+    def least_effect(self, hypothesis: Hypothesis) -> float:
+        """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed."""
+        fit, r = hypothesis.fit, self.scene.readings
+        sizes = [amplitude for wander, amplitude, _ in hypothesis.wanders if wander.mechanism is not None]
+        with_it = predict(self.scene, fit.terms, fit.theta)
+        for k in range(len(fit.terms)):
+            change = (with_it - predict(self.scene, *_without(fit, k))) / r.scale
+            if np.any(self.scene.is_gonio):
+                mean = np.bincount(r.test, weights=change) / np.maximum(np.bincount(r.test), 1)
+                change = change - mean[r.test]
+            sizes.append(float(np.sqrt(np.mean(change**2))))
+        return min(sizes, default=0.0)
 
     # random effects and unnamed structure
 
