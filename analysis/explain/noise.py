@@ -122,7 +122,7 @@ def blocks_of(readings: Readings) -> tuple[Block, ...]:
 
 
 def _sphere_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Squared-exponential correlations of directions, 9°, 17° and 46° wide; rows without one are alone with themselves."""
+    """Squared-exponential correlations of directions, 9°, 17° and 46° wide; rows without one stand alone."""
     v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
     half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
     near = np.zeros_like(half_chord2)
