@@ -30,6 +30,8 @@ LEAST_EFFECT = 0.012
 not right to better than that."""
 APART = 3.0
 """Hypotheses closer than this are not told apart."""
+SURE = 0.5
+"""A mechanism (with those that cannot be told from it) less probable than this is not named: that is to abstain."""
 TEMPER = 1.6
 """Evidence is divided by this before it becomes probability: forms are never quite right."""
 
@@ -167,6 +169,16 @@ def _decide(found: Conclusion, few: float) -> None:
     else:
         found.verdict = "explained"
     _probabilities(found)
+    if found.best.ids and _sure(found) < SURE:
+        found.verdict = "unexplained"
+
+
+def _sure(found: Conclusion) -> float:
+    """Probability of the first named mechanism, or of one that cannot be told from it."""
+    first = found.best.ids[0]
+    group = {first, *(other for one, other in found.indistinguishable if one == first)}
+    alike = sum(p for ids, p in found.alternatives if len(ids) == 1 and ids[0] in group)
+    return found.probability[first] + alike
 
 
 def _probabilities(found: Conclusion) -> None:

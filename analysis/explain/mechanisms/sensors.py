@@ -77,22 +77,31 @@ class DarkOffset(Mechanism):
 
 
 class Nonlinearity(Mechanism):
-    """The response grows as a power of the light, not in proportion."""
+    """The response grows as a power of the light, or bends towards bright light, instead of being proportional."""
 
     id = "nonlinearity"
     stage = Stage.SENSORS
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
-    source = "y (y/y0)^p, y0 the geometric middle of the readings; CIE/ISO 19476 f3 (linearity)"
+    bend = Parameter("bend", "1", "relative error of the brightest reading", -0.4, 0.4, 0.06, (-0.05, 0.05))
+    source = "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); CIE/ISO 19476 f3 (linearity)"
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """One kind of instrument."""
-        return _with_level(scene)
+        """A power or a bend, of one kind of instrument."""
+        powers = _with_level(scene)
+        return (*powers, *(Branch(f"{b.label}, bent", (b.value, "bent"), b.facts) for b in powers))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Exponent of the power, or size of the bend."""
+        return (self.bend,) if isinstance(branch.value, tuple) else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
+        if isinstance(branch.value, tuple):
+            acts = np.asarray(scene.readings.kind == branch.value[0])
+            return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
         acts = _acts(scene, branch)
         level = branch.facts["level"]
         bent = np.maximum(values, 1e-9 * level)
@@ -100,6 +109,8 @@ class Nonlinearity(Mechanism):
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say which way."""
+        if isinstance(branch.value, tuple):
+            return f"The response of {branch.label} is not proportional: the brightest reading is {p[0]:+.1%} off."
         return (
             f"The response of {branch.label} grows as the {1 + p[0]:.3f}th power of the light instead of in proportion."
         )

@@ -95,7 +95,6 @@ class CloudDrift(Mechanism):
     needs = "times of the records"
     source = "I = B(t) S + D K with B(t) a random function of 30 to 90 s; report chapter 4 (scans of 2 to 3 minutes)"
     tie_breaker = "the same sky scanned twice with the planes in reverse order, or a roof meter read every second"
-    kinds = ("goniometer", "roof")
     random = True
 
     def why_not(self, scene: Scene) -> str:

@@ -49,9 +49,29 @@ class ClockOffset(Mechanism):
             )
         return ""
 
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """The sun at another time; where only roof meters were read, also everything predicted at another time."""
+        ways = (Branch(),)
+        series = scene.kinds == ("roof",) and _series(scene)
+        return (*ways, Branch("all daylight", "series")) if series else ways
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """A whole series can only be shifted by a few of its own steps."""
+        if branch.value != "series":
+            return self.parameters
+        step = _step_min(scene)
+        what = "true time minus recorded time"
+        starts = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
+        return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
         r = scene.readings
+        if branch.value == "series":
+            sun, sky = _later(scene, float(p[0]))
+            light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
+            light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
+            return
         if np.any(scene.is_roof):
             later = sun_at(r.case, r.utc_ns + np.int64(round(p[0] * 60e9)))[0]
             ratio = np.sin(np.radians(np.maximum(later, 0.5))) / np.sin(
@@ -69,3 +89,30 @@ class ClockOffset(Mechanism):
             f"The clocks differ by {abs(p[0]):.1f} min: the sun stood where it was "
             f"{'later' if p[0] > 0 else 'earlier'} than recorded."
         )
+
+
+def _step_min(scene: Scene) -> float:
+    """Usual time between readings of a channel [min]."""
+    r = scene.readings
+    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in _series(scene)]
+    return float(np.median(np.concatenate(steps))) / 60e9
+
+
+def _series(scene: Scene) -> list[tuple[int, int]]:
+    """Tests and channels whose readings make a series."""
+    r = scene.readings
+    pairs, counts = np.unique(np.stack([r.test, r.channel], axis=1), axis=0, return_counts=True)
+    return [(int(k), int(c)) for (k, c), n in zip(pairs, counts, strict=True) if n > 2]
+
+
+def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
+    """Sun and sky part ``minutes`` later over those now, from the predicted series itself; shapes (N,)."""
+    r = scene.readings
+    sun, sky = np.ones(len(r)), np.ones(len(r))
+    for k, c in _series(scene):
+        rows = np.flatnonzero((r.test == k) & (r.channel == c))
+        rows = rows[np.argsort(r.utc_ns[rows])]
+        t = r.utc_ns[rows] / 60e9
+        for factor, part in ((sun, r.sun[rows]), (sky, r.sky[rows])):
+            factor[rows] = np.interp(t + minutes, t, part) / np.maximum(part, 1e-9 * max(float(part.max()), 1e-9))
+    return sun, sky
