@@ -13,6 +13,7 @@ def _is_port(text: str) -> str:
     return text
 
 
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 PortText = Annotated[str, AfterValidator(_is_port)]
 
 
@@ -69,21 +70,56 @@ class Cl200(_Entry):
         return shaded
 
 
+class Fisheye(Table):
+    """A fisheye lens and how its camera stands, as a calibration found them.
+
+    Attributes
+    ----------
+    centre_px
+        Row and column at which the axis meets the picture [pixel; the first pixel's middle is 0.5]; ``None``: the
+        picture's middle, or the middle of its circle where the focal length is not known either.
+    edge_deg
+        Angle from the axis up to which the lens sees [deg].
+    projection, coefficients
+        How the distance from the centre grows with the angle; ``polynomial`` has coefficients c1, c3, c5 ... of odd
+        powers of the angle over ``edge_deg``.
+    vignetting
+        Light at an angle over that on the axis is 1 + v1 u² + v2 u⁴ + ... with u = angle / ``edge_deg``.
+    up_azimuth_deg
+        Azimuth towards which the picture's top points [deg].
+    east_at_right
+        Whether the picture is mirrored; looking up with north at the top, east is at the left.
+    """
+
+    centre_px: tuple[Positive, Positive] | None = None
+    edge_deg: Annotated[float, Field(gt=0, le=180)] = 90.0
+    projection: Literal["equidistant", "equisolid", "polynomial"] = "equidistant"
+    coefficients: tuple[Finite, ...] = (1.0,)
+    vignetting: tuple[Finite, ...] = ()
+    up_azimuth_deg: Finite = 0.0
+    east_at_right: bool = False
+
+
 class Camera(_Entry):
     """A camera that speaks PTP over USB or PTP/IP, looking up through a fisheye with a shading disc.
 
     Attributes
     ----------
-    image_focal_px
-        Radius of the horizon's circle in the picture [pixel] is this times pi/2 (equidistant projection); ``None``
-        when it must be found from the picture.
     profile
         Which camera an emulated one imitates.
+    image_focal_px
+        Focal length in the picture: pixels per radian on the axis; ``None`` when the picture's circle has to tell.
+    lens
+        Everything else about the lens.
+    response
+        Tone curve of its JPEG pictures: ``srgb``, ``linear``, or ``recover``: found from each bracket.
     """
 
     kind: Literal["camera"] = "camera"
     profile: Literal["coolpix5400", "coolpix5700", "generic"] = "coolpix5700"
     image_focal_px: Positive | None = None
+    lens: Fisheye = Fisheye()
+    response: Literal["recover", "srgb", "linear"] = "recover"
 
 
 class Goniophotometer(_Entry):
