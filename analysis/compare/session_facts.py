@@ -36,12 +36,10 @@ def test_facts(session: Session, station: Station) -> dict[str, Any]:
 
     Start and end are those of the arm's readings. Raises `DataError` when there are none.
     """
-    arm = [session.readings(c) for c in session.channels if c in station.goniometer.channels]
-    times = np.concatenate([r.utc_ns for r in arm]) if arm else np.empty(0, dtype=np.int64)
-    if not len(times):
+    window = scan_window(session, station)
+    if window is None:
         raise DataError(f"{session.path}: holds no reading of the goniophotometer")
-    halves = np.concatenate([[round(one.duration_s * NS / 2) for one in r] for r in arm])
-    start, end = int((times - halves).min()), int((times + halves).max())
+    start, end = window
     place = Site(station.site.latitude_deg, station.site.longitude_deg, station.site.elevation_m)
     sun = sun_position(np.array([(start + end) // 2]), place)
     facts: dict[str, Any] = {
@@ -53,7 +51,7 @@ def test_facts(session: Session, station: Station) -> dict[str, Any]:
     }
     if session.header.sky in _SKIES:
         facts["sky"] = session.header.sky
-    for name, channels in _roof_channels(station).items():
+    for name, channels in roof_channels(station).items():
         value = _mean(session, channels, start, end)
         if value is not None:
             facts[name] = value
@@ -61,6 +59,16 @@ def test_facts(session: Session, station: Station) -> dict[str, Any]:
 
 
 test_facts.__test__ = False  # type: ignore[attr-defined]  # not a test for pytest
+
+
+def scan_window(session: Session, station: Station) -> tuple[int, int] | None:
+    """From the start of the arm's first reading to the end of its last, UTC [ns]; ``None`` when there is none."""
+    arm = [session.readings(c) for c in session.channels if c in station.goniometer.channels]
+    if not arm:
+        return None
+    times = np.concatenate([r.utc_ns for r in arm])
+    halves = np.concatenate([[round(one.duration_s * NS / 2) for one in r] for r in arm])
+    return int((times - halves).min()), int((times + halves).max())
 
 
 def certified(session: Session, instrument: Instrument) -> float:
@@ -71,7 +79,7 @@ def certified(session: Session, instrument: Instrument) -> float:
     return 1.0
 
 
-def _roof_channels(station: Station) -> dict[str, list[str]]:
+def roof_channels(station: Station) -> dict[str, list[str]]:
     """Channels of the illuminance meters' heads, those behind a shading disc apart."""
     meters = [e for e in station.instrument if e.kind == "cl200"]
     shaded = [channel for m in meters for channel in m.heads if channel in m.shaded]

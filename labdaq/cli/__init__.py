@@ -19,6 +19,7 @@ COMMANDS: Final[dict[str, str]] = {
     "doctor": "Look at every instrument, the clock and the disk.",
     "session": "List, show and verify recorded sessions.",
     "merge": "Merge a bracket of exposures into a luminance map.",
+    "process": "Make a session's sky map and measured photometry.",
     "compare": "Put recordings beside simulations, as a case and as a report.",
     "benchmark": "Pack recordings and simulations for others; verify a pack.",
     "simulate": "Predict the photometry of a skylight.",
