@@ -3,6 +3,7 @@
 Sizes are those of the Greenwood field test (report, chapters 2 and 7); reflectances are nominal values.
 """
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 from analysis.cases.model import System
@@ -35,3 +36,21 @@ NAMED_SYSTEMS: Final[dict[str, System]] = {
     for name, facts in _FACTS.items()
 }
 """``top``, ``box`` and ``tube`` as ``[[system]]`` tables of a case."""
+
+
+def case_system(name: str, simulated: Mapping[str, Any]) -> System:
+    """A case's ``[[system]]`` of a skylight as `analysis.simulate.system.System` has it, taken apart as a dictionary."""
+    shape = simulated["aperture"]["shape"]
+    size = "size_m" if shape == "rectangle" else "diameter_m"
+    sheets = [simulated[place]["kind"] for place in ("exit", "entry")]
+    return System.model_validate(
+        {
+            "id": name,
+            "kind": simulated["kind"],
+            "aperture": {"shape": shape, size: simulated["aperture"][size]},
+            "well_depth_m": simulated["well_depth_m"],
+            "wall_reflectance": simulated["wall"]["reflectance"],
+            "wall_finish": simulated["wall"]["finish"],
+            "lens": next(kind for kind in ("prismatic", "diffusing", "clear", "none") if kind in sheets),
+        }
+    )

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from analysis.cases.model import Floats, Ints
+from analysis.cases.model import Floats, Ints, Simulation, System
+from analysis.compare.named_systems import case_system
 from analysis.compare.predicted import Predicted
-from labdaq.errors import DataError
+from analysis.process.derived import SIMULATE, read_account
+from labdaq.errors import DataError, Problems
 from labdaq.session import Session
 
 Series = Callable[[Ints], Floats]
@@ -97,6 +99,34 @@ def with_predictions(
     if mistakes:
         raise DataError("\n".join(mistakes), "`labdaq simulate` makes predictions")
     return found
+
+
+def told_simulation(sessions: Sequence[Path]) -> tuple[Simulation | None, list[System]]:
+    """How the predictions beside sessions were made, and what they took for the systems, as ``labdaq simulate`` tells.
+
+    Nothing for predictions that were put there by hand. Raises `DataError` when some are of the near field and others
+    of the far field, or sessions call different things by one system's name: a case says these once.
+    """
+    accounts = [read_account(path, SIMULATE) for path in sessions]
+    if not all(accounts):
+        return None, []
+    problems = Problems("the predictions")
+    simulations: dict[Simulation, Path] = {}
+    systems: dict[str, System] = {}
+    for path, account in zip(sessions, accounts, strict=True):
+        assert account is not None
+        told = Simulation(
+            engine=f"labdaq {account['engine']}", field=account["field"], max_bounces=account["max_bounces"] or 0
+        )
+        if told not in simulations and simulations:
+            problems.add(path.name, f"is simulated in another way than {next(iter(simulations.values())).name}")
+        simulations.setdefault(told, path)
+        named = Session.open(path).header.system
+        system = case_system(named, account["system"])
+        if systems.setdefault(named, system) != system:
+            problems.add(path.name, f"another skylight than before is called '{named}'")
+    problems.raise_if_any(DataError, "simulate these sessions in one way, or make a case of each kind")
+    return next(iter(simulations)), list(systems.values())
 
 
 def _beside(path: Path) -> dict[str, Path]:

@@ -1,5 +1,6 @@
 """What ``labdaq simulate`` does, without the words of its command line."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -88,16 +89,23 @@ def run(job: Job) -> dict[str, Any]:
 
 
 def _system(job: Job) -> Any:
-    from analysis.simulate.system import find, parse_settings
+    from analysis.simulate.system import find
+
+    return changes(find(job.system), vars(job))
+
+
+def changes(system: Any, options: Mapping[str, Any]) -> Any:
+    """The system with the command line's ``settings``, ``orientation``, ``mirrored`` and ``isotropic``."""
+    from analysis.simulate.system import parse_settings
     from analysis.simulate.variants import changed
 
-    system = find(job.system).with_settings(parse_settings(job.settings))
+    system = system.with_settings(parse_settings(options["settings"]))
     wishes: dict[str, Any] = {}
-    if job.orientation is not None:
-        wishes["rotation_deg"] = job.orientation
-    if job.mirrored:
+    if options["orientation"] is not None:
+        wishes["rotation_deg"] = options["orientation"]
+    if options["mirrored"]:
         wishes["mirrored"] = True
-    if job.isotropic:
+    if options["isotropic"]:
         wishes["isotropic"] = True
     return changed(system, wishes)
 

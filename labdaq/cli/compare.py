@@ -144,9 +144,11 @@ def _draft(
 ) -> "Draft":
     if inputs:
         from analysis.compare.from_sessions import case_from_sessions
-        from analysis.compare.simulated_session import with_predictions
+        from analysis.compare.simulated_session import told_simulation, with_predictions
 
-        return case_from_sessions(with_predictions(inputs, {k: Path(v) for k, v in files.predicted.items()}))
+        predicted = with_predictions(inputs, {k: Path(v) for k, v in files.predicted.items()})
+        simulation, systems = (None, []) if files.predicted else told_simulation(inputs)
+        return case_from_sessions(predicted, simulation=simulation, systems=systems)
     if tables or recipe:
         from analysis.compare.from_tables import case_from_tables
         from analysis.compare.recipe import find_recipe

@@ -1,4 +1,4 @@
-"""``labdaq simulate``: the photometry of a skylight under a sky, without a session."""
+"""``labdaq simulate``: the photometry of a skylight under a sky, by its figures or of recorded sessions."""
 
 import functools
 import json
@@ -23,8 +23,15 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 
 
 @click.command("simulate", short_help="Predict the photometry of a skylight.")
-@click.argument("system", metavar="SYSTEM")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="LM-63 file to write (.ies).")
+@click.argument("system", metavar="[SYSTEM]", required=False)
+@click.option("--out", type=click.Path(path_type=Path), help="LM-63 file to write (.ies).")
+@click.option(
+    "--session",
+    "sessions",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Predict a processed session under its own sky, in the near field; may be repeated.",
+)
 @click.option("--sky", default="perez", show_default=True, metavar="NAME|MAP", help=_SKIES)
 @click.option("--global", "global_lx", type=click.FloatRange(min=0), help="Global horizontal illuminance [lx].")
 @click.option("--diffuse", "diffuse_lx", type=click.FloatRange(min=0), help="Diffuse horizontal illuminance [lx].")
@@ -73,7 +80,8 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
     help="List what --set can change, with the values of the box, and stop.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object that says what was predicted.")
-def command(out: Path, as_json: bool, **options: Any) -> None:
+@click.pass_context
+def command(context: click.Context, out: Path | None, sessions: tuple[Path, ...], as_json: bool, **options: Any) -> None:
     """Predict the luminous intensity distribution of a skylight and write it as an .ies file.
 
     SYSTEM is top, box, tube, or a TOML file such as
@@ -86,15 +94,67 @@ def command(out: Path, as_json: bool, **options: Any) -> None:
 
     The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
     illuminance there is no sun.
+
+    With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
+    found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
     """
+    if sessions:
+        _sessions(context, sessions, as_json, options)
+        return
     from labdaq.cli._simulate_job import Job, run
 
+    if options["system"] is None:
+        raise click.UsageError("name a SYSTEM, or give --session")
+    if out is None:
+        raise click.UsageError("--out FILE.ies is needed; only --session knows where to write")
     if out.suffix.lower() != ".ies":
         raise click.BadParameter("the name of a photometric file ends in .ies", param_hint="--out")
     if not out.parent.is_dir():
         raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
     report = run(Job(out=out, **options))
     click.echo(json.dumps(report) if as_json else _words(report))
+
+
+_OF_SESSIONS = ("system", "sessions", "as_json", "settings", "orientation", "mirrored", "isotropic", "max_bounces",
+                "precision", "rays", "seed", "threads", "parts")  # fmt: skip
+"""Options that mean something with --session; the session itself tells the others."""
+
+
+def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool, options: dict[str, Any]) -> None:
+    """Predict sessions, and tell of each."""
+    from labdaq.cli._simulate_job import changes
+    from analysis.process.prediction import Wish, simulate_sessions
+
+    given = context.get_parameter_source
+    odd = [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name not in _OF_SESSIONS
+        and given(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
+    ]
+    if odd:
+        raise click.UsageError(f"{', '.join(odd)}: not with --session, which tells daylight, distance and place")
+    exact = {"precision": options["precision"]} if given("precision") is click.core.ParameterSource.COMMANDLINE else {}
+    wish = Wish(
+        system=options["system"],
+        change=lambda system: changes(system, options),
+        rays=options["rays"],
+        seed=options["seed"],
+        threads=options["threads"],
+        max_bounces=options["max_bounces"],
+        **exact,
+    )
+    for path, account in zip(sessions, simulate_sessions(sessions, wish), strict=True):
+        if as_json:
+            click.echo(json.dumps({**account, "path": str(path)}))
+            continue
+        click.echo(
+            f"{path / 'derived'}: {', '.join(account['files'])}\n"
+            f"  {account['system']['name']} at {account['distance_m']:g} m under its "
+            f"{'own sky' if account['sky'] == 'map' else 'illuminances (a Perez sky: there is no sky map)'}: "
+            f"{account['flux_lm']:.4g} lm, {account['flux_sun_lm']:.4g} of them from the sun; "
+            f"statistical uncertainty {100 * account['uncertainty']:.2g} % rms"
+        )
 
 
 def _words(report: dict[str, Any]) -> str:
