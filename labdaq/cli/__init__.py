@@ -23,6 +23,7 @@ COMMANDS: Final[dict[str, str]] = {
     "compare": "Put recordings beside simulations, as a case and as a report.",
     "benchmark": "Pack recordings and simulations for others; verify a pack.",
     "simulate": "Predict the photometry of a skylight.",
+    "demo": "Watch the whole of it on the emulated station.",
     "blind-trial": "conceal physics in many cases, and score what explain says about them",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""

@@ -1,0 +1,44 @@
+"""Ask ``labdaq explain`` in a process of its own: it gets the case's folder, and nothing else."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from labdaq.demo.telling import Say
+from labdaq.errors import DataError, SimulationError
+
+EXPLANATION: Final = "explanation.json"
+REPORT: Final = "report.html"
+
+
+def explain(case: Path, out: Path, say: Say) -> dict[str, Any]:
+    """Let the case be explained; return the answer, which lies under ``out`` with its report.
+
+    Raises `SimulationError` when the process fails, with the end of what it said.
+    """
+    command = [sys.executable, "-m", "labdaq", "explain", str(case), "--out", str(out), "--json"]
+    said: list[str] = []
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            for line in process.stderr:
+                said.append(line.rstrip())
+                say(line.strip())
+        except BaseException:
+            process.terminate()
+            raise
+    if process.returncode:
+        raise SimulationError(f"`labdaq explain` ended with {process.returncode}: " + "\n".join(said[-5:]))
+    return read_answer(out)
+
+
+def read_answer(out: Path) -> dict[str, Any]:
+    """The explanation under ``out``; raises `DataError` when there is none."""
+    path = out / EXPLANATION
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError) as error:
+        raise DataError(f"{path}: `labdaq explain` left no answer that can be read: {error}") from error
