@@ -1,5 +1,6 @@
 """Ask ``labdaq explain`` in a process of its own: it gets the case's folder, and nothing else."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
+import labdaq
 from labdaq.demo.telling import Say
 from labdaq.errors import DataError, SimulationError
 
@@ -19,9 +21,13 @@ def explain(case: Path, out: Path, say: Say) -> dict[str, Any]:
 
     Raises `SimulationError` when the process fails, with the end of what it said.
     """
-    command = [sys.executable, "-m", "labdaq", "explain", str(case), "--out", str(out), "--json"]
+    command = [sys.executable, "-P", "-m", "labdaq", "explain", str(case), "--out", str(out), "--json"]
+    home = str(Path(labdaq.__file__).parents[1])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))}
     said: list[str] = []
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
         assert process.stderr is not None
         try:
             for line in process.stderr:
