@@ -136,7 +136,7 @@ def _traced(jobs: Sequence[_Job], wish: Wish) -> tuple[Outcome, int]:
         return run(wish.rays), wish.rays
     pilot = run(PILOT)
     worst = max(_part(pilot.near, k).worst_relative() for k in range(len(tests)))
-    rays = int(min(MOST, PILOT * (worst / wish.precision) ** 2))
+    rays = int(min(MOST, 1.4 * PILOT * (worst / wish.precision) ** 2))  # more rays are also smoothed less
     return (run(rays), rays) if rays > PILOT else (pilot, PILOT)
 
 

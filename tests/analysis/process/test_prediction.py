@@ -82,9 +82,9 @@ def test_parts_add_up_and_come_again(session: Path, clear: str) -> None:
 def test_precision_sets_the_rays(session: Path, clear: str) -> None:
     (rough,) = simulate_sessions([session], Wish(system=clear, precision=0.02))
     (fine,) = simulate_sessions([session], Wish(system=clear, precision=0.006))
-    assert rough["uncertainty"] <= 0.02
-    # the pilot's error estimates the rays needed to some ten per cent
-    assert fine["uncertainty"] <= 0.006 * 1.2
+    # a pilot run tells the rays needed to some ten per cent of the error
+    assert rough["uncertainty"] <= 0.02 * 1.1
+    assert fine["uncertainty"] <= 0.006 * 1.1
     assert fine["rays"] > rough["rays"]
 
 
