@@ -39,7 +39,7 @@ NAMED_SYSTEMS: Final[dict[str, System]] = {
 
 
 def case_system(name: str, simulated: Mapping[str, Any]) -> System:
-    """A case's ``[[system]]`` of a skylight as `analysis.simulate.system.System` has it, taken apart as a dictionary."""
+    """A case's ``[[system]]`` of an `analysis.simulate.system.System`, taken apart as a dictionary."""
     shape = simulated["aperture"]["shape"]
     size = "size_m" if shape == "rectangle" else "diameter_m"
     sheets = [simulated[place]["kind"] for place in ("exit", "entry")]

@@ -15,7 +15,7 @@ from labdaq.session import Session
 
 @dataclass(frozen=True)
 class SessionDaylight:
-    """A session's daylight, and ``source``: ``map`` for its processed sky, ``perez`` for a model of its illuminances."""
+    """A session's daylight; ``source`` is ``map`` for its processed sky, ``perez`` for a model of its illuminances."""
 
     daylight: Daylight
     source: str

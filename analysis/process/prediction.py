@@ -1,8 +1,8 @@
 """Predict the photometry of recorded sessions under their own skies.
 
 Sessions of one system at one distance are traced together: their skies share rays (`analysis.simulate.variants`).
-Writes ``derived/simulated.ies`` and its parts ``simulated-sun.ies`` and ``simulated-sky.ies``: near-field intensities at
-the arm's distance in a black room; and ``simulate.json``, which says how they were made.
+Writes ``derived/simulated.ies`` and its parts ``simulated-sun.ies`` and ``simulated-sky.ies``, near-field intensities
+at the arm's distance in a black room; and ``simulate.json``, which says how they were made.
 """
 
 import dataclasses
@@ -16,7 +16,8 @@ from analysis.photometry import Distribution
 from analysis.process.daylight import SessionDaylight, daylight_of, issued
 from analysis.process.derived import SIMULATE, rewrite, write_account
 from analysis.simulate.ies import write_prediction
-from analysis.simulate.predict import C_DEG, GAMMA_DEG, Prediction, SunAndSky
+from analysis.simulate.predict import C_DEG, GAMMA_DEG
+from analysis.simulate.prediction import Prediction, SunAndSky
 from analysis.simulate.system import System, find
 from analysis.simulate.variants import Outcome, Parts, variants
 from labdaq.errors import ConfigError, LabdaqError

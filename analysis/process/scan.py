@@ -20,6 +20,7 @@ from labdaq.records import Certificate
 from labdaq.session import Session
 from labdaq.station import Station
 
+
 def scan_of(session: Session, station: Station, *, fill_missing: bool = False) -> tuple[Reduction | None, list[str]]:
     """Reduce the session's scan; ``None`` and what is missing for it, where something is.
 

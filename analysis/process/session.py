@@ -42,7 +42,7 @@ def process_session(path: Path, *, pixels: int = PIXELS, fill_missing: bool = Fa
     Raises
     ------
     DataError
-        It is no session, nothing can be made of it, or something that is there cannot be used, e.g. a truncated picture.
+        It is no session, nothing can be made of it, or something cannot be used that is there, e.g. a truncated file.
     StorageError
         The disk refused.
     """
@@ -52,7 +52,9 @@ def process_session(path: Path, *, pixels: int = PIXELS, fill_missing: bool = Fa
     scan, without_scan = scan_of(session, station, fill_missing=fill_missing)
     missing = [f"sky: {what}" for what in without_sky] + [f"photometry: {what}" for what in without_scan]
     if sky is None and scan is None:
-        raise DataError("\n".join(f"{path}: {what}" for what in missing), "a session of exposures or of the arm is needed")
+        raise DataError(
+            "\n".join(f"{path}: {what}" for what in missing), "a session of exposures or of the arm is needed"
+        )
     files = ([SKY_PICTURE, SKY_MASTER] if sky else []) + ([MEASURED] if scan else [])
     account: dict[str, Any] = {
         "format": FORMAT,

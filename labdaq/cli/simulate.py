@@ -81,7 +81,9 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object that says what was predicted.")
 @click.pass_context
-def command(context: click.Context, out: Path | None, sessions: tuple[Path, ...], as_json: bool, **options: Any) -> None:
+def command(
+    context: click.Context, out: Path | None, sessions: tuple[Path, ...], as_json: bool, **options: Any
+) -> None:
     """Predict the luminous intensity distribution of a skylight and write it as an .ies file.
 
     SYSTEM is top, box, tube, or a TOML file such as
@@ -122,15 +124,14 @@ _OF_SESSIONS = ("system", "sessions", "as_json", "settings", "orientation", "mir
 
 def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool, options: dict[str, Any]) -> None:
     """Predict sessions, and tell of each."""
-    from labdaq.cli._simulate_job import changes
     from analysis.process.prediction import Wish, simulate_sessions
+    from labdaq.cli._simulate_job import changes
 
     given = context.get_parameter_source
     odd = [
         parameter.opts[0]
         for parameter in context.command.params
-        if parameter.name not in _OF_SESSIONS
-        and given(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
+        if parameter.name not in _OF_SESSIONS and given(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
     ]
     if odd:
         raise click.UsageError(f"{', '.join(odd)}: not with --session, which tells daylight, distance and place")

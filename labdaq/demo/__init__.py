@@ -1,1 +1,1 @@
-"""The demo: an emulated station in which one thing is concealed, from its instruments' wires to a report that names it."""
+"""The demo: an emulated station that conceals one thing, from its instruments' wires to a report that names it."""

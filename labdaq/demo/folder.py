@@ -57,7 +57,8 @@ def claim(home: Path) -> Folder:
             raise StorageError(f"{home}: is a file", "give another folder with --out")
         if home.is_dir() and any(home.iterdir()) and not (home / MARK).is_file():
             raise StorageError(
-                f"{home}: is not empty, and no former demo's folder (it has no {MARK})", "give another folder with --out"
+                f"{home}: is not empty, and no former demo's folder (it has no {MARK})",
+                "give another folder with --out",
             )
         if home.is_dir():
             for path in home.iterdir():

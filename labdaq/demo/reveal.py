@@ -70,7 +70,9 @@ class Outcome:
             lines.append(f"fit         {_rms(fit['before'])} before, {_rms(fit['after'])} after")
         held = fit.get("held_out") or {}
         if "before" in held and "after" in held:
-            lines.append(f"            on tests that were not fitted: {_rms(held['before'])} before, {_rms(held['after'])} after")
+            lines.append(
+                f"            on tests that were not fitted: {_rms(held['before'])} before, {_rms(held['after'])} after"
+            )
         lines.append(f"so          what was concealed is {self.judgement}")
         return lines
 

@@ -1,25 +1,21 @@
 """The demo's steps, in order: conceal, take, process, simulate, compare, explain, reveal."""
 
-import multiprocessing
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from labdaq.clock import SystemClock
 from labdaq.demo.answering import explain
+from labdaq.demo.crew import Crew
 from labdaq.demo.folder import Folder, claim
 from labdaq.demo.reveal import Outcome, reveal
 from labdaq.demo.telling import Teller
-from labdaq.demo.tests import Task, take, take_and_process
-from labdaq.errors import DeviceError, SimulationError
+from labdaq.demo.tests import Task, take
+from labdaq.errors import DeviceError
 from simulators.world.campaign import campaign
 from simulators.world.concealed import draw
 
-PROCESSES: Final = 2
 PRECISION: Final = 0.008
 """Of the predictions: below what readings through clouds and prisms scatter anyway."""
 
@@ -53,17 +49,24 @@ def run(plan: Plan, teller: Teller | None = None) -> Outcome:
     """
     teller = teller or Teller(SystemClock())
     folder = claim(plan.out)
-    with teller.step("conceal", "Something is concealed in the emulated world: drawn by lot, written down, not looked at"):
+    with teller.step(
+        "conceal", "Something is concealed in the emulated world: drawn by lot, written down, not looked at"
+    ):
         planned = campaign(plan.seed)[: plan.tests]
         systems = tuple(dict.fromkeys(test.system for test in planned))
         concealed = draw(plan.seed, systems)
         concealed.write(folder.truth)
         tasks = [Task(test, concealed, folder.sessions) for test in planned]
-    paths = [_live(tasks[0], plan.rate, teller), *_campaign(tasks[1:], teller)]
-    _process_first(paths[0], teller)
+    with Crew() as crew:
+        for task in tasks[1:2]:  # one core is enough for the test over real wires
+            crew.take(task)
+        first = _live(tasks[0], plan.rate, teller)
+        paths = [first, *_campaign(first, tasks, crew, teller)]
     _simulate(paths, teller)
     _compare(paths, folder, teller)
-    with teller.step("explain", "Where do they differ, and why? (a process of its own, which gets nothing but the case)") as say:
+    with teller.step(
+        "explain", "Where do they differ, and why? (a process of its own, which gets nothing but the case)"
+    ) as say:
         answer = explain(folder.case, folder.answer, say)
     with teller.step("reveal", "What was concealed?"):
         outcome = reveal(folder, answer)
@@ -94,42 +97,40 @@ def _watched(task: Task, rate: float, teller: Teller) -> Path:
         return take(task, rate=rate, watch=watch)
 
 
-def _campaign(tasks: Sequence[Task], teller: Teller) -> list[Path]:
-    """The other tests in virtual time, two at a time, in the order of ``tasks``."""
-    if not tasks:
-        return []
-    what = f"{len(tasks)} more tests in virtual time, over the same protocols: sky and photometry of each"
-    with teller.step("campaign", what) as say:
-        pool = ProcessPoolExecutor(PROCESSES, mp_context=multiprocessing.get_context("spawn"))
-        found: dict[str, Path] = {}
-        try:
-            waiting = {pool.submit(take_and_process, task): task.planned for task in tasks}
-            for done in as_completed(waiting):
-                test = waiting[done]
-                found[test.name] = done.result()
-                say(f"{len(found)} of {len(tasks)}")
-                teller.line(f"   {test.name}: {test.system}, {test.sky}, {test.start:%d %B, %H:%M} UTC")
-        except BrokenProcessPool as error:
-            raise SimulationError(
-                "a process that takes tests was ended from outside", "perhaps the memory ran out"
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
-        return [found[task.planned.name] for task in tasks]
-
-
-def _process_first(path: Path, teller: Teller) -> None:
+def _campaign(first: Path, tasks: Sequence[Task], crew: Crew, teller: Teller) -> list[Path]:
+    """The other tests in virtual time; all are processed. Returns the other sessions, in the order of ``tasks``."""
     from analysis.process.session import process_session
 
-    with teller.step("process", "Exposures become a sky in cd/m2, the arm's readings an intensity distribution"):
-        account = process_session(path)
-        if sky := account["sky"]:
-            sun, zenith = sky["sun"], sky["zenith"]
-            check = f"; the zenith meter reads {zenith['ratio_meter_to_map']:.3f} of the map" if zenith else ""
-            teller.line(
-                f"   {path.name}: sun {sun['altitude_deg']:.1f} degrees high with {sun['normal_illuminance_lx']:.4g} lx, "
-                f"sky {sky['calibration']['diffuse_lx']:.4g} lx{check}"
-            )
+    planned = {task.planned.name: task.planned for task in tasks}
+    name = tasks[0].planned.name
+    what = f"{len(tasks) - 1} more tests in virtual time, over the same protocols; sky and photometry of all"
+    with teller.step("campaign", what) as say:
+        crew.do(name, process_session, first)
+        for task in tasks[2:]:
+            crew.take(task)
+        found: list[str] = []
+
+        def done(which: str, _: object) -> None:
+            test = planned[which]
+            found.append(which)
+            say(f"{len(found)} of {len(tasks)}")
+            teller.line(f"   {which}: {test.system}, {test.sky}, {test.start:%d %B, %H:%M} UTC")
+
+        results = crew.results(done)
+        _tell_of_sky(results[name], teller)
+    return [results[task.planned.name] for task in tasks[1:]]
+
+
+def _tell_of_sky(account: dict[str, Any], teller: Teller) -> None:
+    """What the first test's sky was, from its account."""
+    if sky := account["sky"]:
+        sun, zenith = sky["sun"], sky["zenith"]
+        check = f"; the zenith meter reads {zenith['ratio_meter_to_map']:.3f} of the map" if zenith else ""
+        teller.line(
+            f"   {account['test']}: sun {sun['altitude_deg']:.1f} degrees high with "
+            f"{sun['normal_illuminance_lx']:.4g} lx, "
+            f"sky {sky['calibration']['diffuse_lx']:.4g} lx{check}"
+        )
 
 
 def _simulate(paths: Sequence[Path], teller: Teller) -> None:
@@ -155,8 +156,3 @@ def _compare(paths: Sequence[Path], folder: Folder, teller: Teller) -> None:
         draft = case_from_sessions(with_predictions(paths), title=title, simulation=simulation, systems=systems)
         case = draft.write(folder.case)
         teller.line(f"   {len(case.records)} readings of {len(case.tests)} tests")
-
-
-def environment() -> dict[str, Any]:
-    """What the timings depend on."""
-    return {"cores": len(os.sched_getaffinity(0)), "processes": PROCESSES}

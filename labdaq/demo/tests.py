@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from labdaq.build import mount
-from labdaq.clock import NS, utc_ns_of
 from labdaq.cli.files import find_script
+from labdaq.clock import NS, utc_ns_of
 from labdaq.headers import Order
 from labdaq.runs import run
 from labdaq.script import Script
