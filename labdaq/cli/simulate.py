@@ -82,7 +82,7 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object that says what was predicted.")
 @click.pass_context
 def command(
-    context: click.Context, out: Path | None, sessions: tuple[Path, ...], as_json: bool, **options: Any
+    context: click.Context, /, out: Path | None, sessions: tuple[Path, ...], as_json: bool, **options: Any
 ) -> None:
     """Predict the luminous intensity distribution of a skylight and write it as an .ies file.
 

@@ -15,7 +15,7 @@ from labdaq.script import Script
 from labdaq.session import Session
 from labdaq.station import Station
 from labdaq.virtual_time import run_virtual
-from simulators.world.plain import PlainOptions, PlainWorld
+from tests.analysis.process.formula_world import FormulaWorld
 
 GREENWOOD = Path(__file__).parents[3] / "labdaq" / "examples" / "greenwood-test.toml"
 FEW = """
@@ -32,8 +32,8 @@ period_s = 9
 """
 
 
-def world() -> PlainWorld:
-    return PlainWorld(PlainOptions())
+def world() -> FormulaWorld:
+    return FormulaWorld()
 
 
 def take(script: Script, folder: Path, *, raw: bool = False) -> Path:

@@ -153,7 +153,11 @@ def test_the_record_is_not_touched(few: Path, tmp_path: Path) -> None:
 def test_killed_and_done_again(few: Path, tmp_path: Path, after_s: float) -> None:
     path = tmp_path / few.name
     shutil.copytree(few, path)
-    words = "import sys; from analysis.process.session import process_session as p\nwhile True: p(__import__('pathlib').Path(sys.argv[1]))"
+    words = (
+        "import sys, pathlib\n"
+        "from analysis.process.session import process_session\n"
+        "while True: process_session(pathlib.Path(sys.argv[1]))"
+    )
     worker = subprocess.Popen(
         [sys.executable, "-c", words, str(path)], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     )
