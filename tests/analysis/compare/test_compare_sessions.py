@@ -59,9 +59,9 @@ def test_a_session_becomes_a_case(session: Session, tmp_path: Path) -> None:
     assert (r.gamma_deg[~good], r.c_deg[~good]) == ([45.0], [90.0])
     assert draft.notes == (f"{session.path.name}: 1 readings of gonio.g45 must not be used and are empty",)
     # noise alone, not the calibration's 2.5 %
-    sensitivity = Station.built_in().goniometer.sensitivities_v_per_lx[0]
+    sensitivity = np.array(Station.built_in().goniometer.sensitivities_v_per_lx)[np.searchsorted(GAMMAS, r.gamma_deg)]
     floor = 0.0005 / sensitivity * 2.6**2 * 1.02
-    np.testing.assert_allclose(r.uncertainty[good], np.hypot(0.003 * r.measured[good], floor))
+    np.testing.assert_allclose(r.uncertainty[good], np.hypot(0.003 * r.measured, floor)[good])
     # each reading has its own time: planes 9 s apart in the order they were visited
     by_plane = {c: r.utc_ns[r.c_deg == c] for c in PLANES}
     assert all(np.ptp(t) == 0 for t in by_plane.values())
