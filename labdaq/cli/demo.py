@@ -21,9 +21,15 @@ from labdaq.cli.files import json_option
     show_default=True,
     help="Pace of the first test: emulated seconds per real second.",
 )
-@click.option("--tests", type=click.IntRange(min=2), help="Take no more tests than these; fewer explain less.")
+@click.option(
+    "--tests",
+    type=click.IntRange(min=2),
+    default=8,
+    show_default=True,
+    help="Take no more tests than these (a campaign has 8 to 10); fewer explain less.",
+)
 @json_option
-def command(seed: int | None, out: Path, rate: float, tests: int | None, as_json: bool) -> None:
+def command(seed: int | None, out: Path, rate: float, tests: int, as_json: bool) -> None:
     """Take tests on an emulated station in which one effect is concealed, and explain what they show.
 
     One test goes over the instruments' real wires at an accelerated pace, a campaign of further ones runs in virtual

@@ -33,7 +33,7 @@ class Plan:
     rate
         Emulated seconds per real second in the test over real wires.
     tests
-        How many tests at most; all of the campaign by default.
+        How many tests at most; ``None`` for the whole campaign.
     """
 
     out: Path
