@@ -11,20 +11,20 @@ from labdaq.errors import LabdaqError
 from labdaq.rooms import check_rooms
 
 COMMANDS: Final[dict[str, str]] = {
-    "explain": "find where recording and simulation differ, and which physics was left out",
-    "predict": "apply an explanation to other tests, with no new fit",
-    "mechanisms": "list what a prediction may leave out",
+    "demo": "Watch the whole of it on the emulated station.",
+    "doctor": "Look at every instrument, the clock and the disk.",
     "emulate": "Run emulated instruments on real ports.",
     "run": "Take the test of a script.",
-    "doctor": "Look at every instrument, the clock and the disk.",
     "session": "List, show and verify recorded sessions.",
-    "merge": "Merge a bracket of exposures into a luminance map.",
     "process": "Make a session's sky map and measured photometry.",
-    "compare": "Put recordings beside simulations, as a case and as a report.",
-    "benchmark": "Pack recordings and simulations for others; verify a pack.",
+    "merge": "Merge a bracket of exposures into a luminance map.",
     "simulate": "Predict the photometry of a skylight.",
-    "demo": "Watch the whole of it on the emulated station.",
-    "blind-trial": "conceal physics in many cases, and score what explain says about them",
+    "compare": "Put recordings beside simulations, as a case and as a report.",
+    "explain": "Find where recording and simulation differ, and which physics was left out.",
+    "predict": "Apply an explanation to other tests, with no new fit.",
+    "mechanisms": "List what a prediction may leave out.",
+    "blind-trial": "Conceal physics in many cases, and score what explain says about them.",
+    "benchmark": "Pack recordings and simulations for others; verify a pack.",
 }
 """Command name to the one line ``--help`` shows; the command lives in ``labdaq.cli.<name>`` as ``command``."""
 
