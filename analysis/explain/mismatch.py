@@ -54,6 +54,13 @@ def explain(
     case: Case, simulator: Simulator | None = None, progress: Callable[[str], None] = lambda step: None
 ) -> Explanation:
     """Explain ``case``; ``progress`` is told each step as it begins."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):  # the matrices are many and small: threads would only wait for each other
+        return _explain(case, simulator, progress)
+
+
+def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], None]) -> Explanation:
     readings = Readings.of(case)
     progress("forensics")
     findings = forensics(readings)

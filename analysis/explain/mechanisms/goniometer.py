@@ -40,6 +40,7 @@ class NearField(Mechanism):
         "re-simulation where possible"
     )
     tie_breaker = "the same scan with the arm's radius changed by a tenth"
+    form_error = 0.2
 
     def why_not(self, scene: Scene) -> str:
         """Only a far-field prediction can lack it."""

@@ -18,6 +18,8 @@ _NO_VARIANT = "the case brings no variant for it and does not describe its syste
 class _Retraced(Mechanism):
     """Base: one branch per path of settings that can be had, a position along it as parameter."""
 
+    form_error = 0.2  # what a change does is taken from another engine, or from another lens
+
     def why_not(self, scene: Scene) -> str:
         """There must be a re-simulation."""
         if self.id in scene.readings.case.setup.simulation.includes:
