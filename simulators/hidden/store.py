@@ -152,7 +152,7 @@ class Store:
         return (self._place / f"{name}.npy").is_file()
 
     def _load(self, name: str) -> NDArray[Any]:
-        loaded: NDArray[Any] = np.load(self._place / f"{name}.npy", mmap_mode="r")
+        loaded: NDArray[Any] = np.load(self._place / f"{name}.npy")
         return loaded
 
     def _save(self, name: str, array: NDArray[Any]) -> None:
