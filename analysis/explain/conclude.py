@@ -166,6 +166,8 @@ def _decide(found: Conclusion, few: float) -> None:
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED:
         found.verdict = "unexplained"
+    elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
+        found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
     _probabilities(found)
