@@ -208,7 +208,8 @@ def locate(
 ) -> list[Mismatch]:
     """The regions that stand out at ``level``, strongest first; what one explains is taken off before the next.
 
-    ``residual`` (N,) is reading minus model on the stretched scale, ``whitener`` its nuisance covariance.
+    ``residual`` (N,) is reading minus model on the stretched scale, ``whitener`` its nuisance covariance. Sizes are
+    means over the region; one whose filter says the opposite of its mean is a shadow of another and is not told.
     """
     regions = regions_of(readings)
     if not regions:
@@ -221,15 +222,19 @@ def locate(
     highest = np.concatenate(
         [np.max(np.abs(unit.T @ rng.standard_normal((len(residual), 250))), axis=0) for _ in range(_WORLDS // 250)]
     )
+    means = np.array([float(residual[r.rows].mean()) for r in regions])
+    open_to = np.ones(len(regions), dtype=bool)
     found: list[Mismatch] = []
-    for _ in range(at_most):
-        z = unit.T @ white
+    while len(found) < at_most and np.any(open_to):
+        z = np.where(open_to, unit.T @ white, 0.0)
         k = int(np.argmax(np.abs(z)))
         p = _p_value(abs(float(z[k])), highest)
         if p > level:
             break
-        found.append(Mismatch(regions[k], float(z[k] / norms[k]), float(z[k]), p))
+        if z[k] * means[k] > 0.0:
+            found.append(Mismatch(regions[k], float(means[k]), float(z[k]), p))
         white = white - unit[:, k] * z[k]
+        open_to[k] = False
     return found
 
 
