@@ -17,13 +17,13 @@ NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_RANDOM = 25.0
 """The same for a random effect: it also leans on a simulation's own ripple."""
-NAME_SECOND = 16.0
+NAME_SECOND = 18.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
 UNNAMED = 15.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
-NAME_SECOND_RANDOM = 32.0
+NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are

@@ -268,7 +268,7 @@ class _Tracing:
     def _scatter(self) -> Iterator[Path]:
         share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
         yield self._along("diffuse share", share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
-        width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 0.0, 20.0, 4.0, (3.0, 8.0))
+        width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
         yield self._along("wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
 
     def _limits(self) -> Iterator[Path]:
