@@ -13,6 +13,7 @@ from analysis.explain.fit import Fit
 from analysis.explain.locate import Mismatch
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mismatch import Explanation
+from analysis.explain.next_measurement import next_measurement
 from labdaq.clock import utc_text
 from labdaq.whole_file import write_whole_bytes
 
@@ -20,7 +21,7 @@ FORMAT = "labdaq-explanation/1"
 
 
 def answer(e: Explanation) -> dict[str, Any]:
-    """The contract's JSON object, plus ``findings``, ``leftover``, ``unnamed``, ``evidence`` and ``model``."""
+    """The contract's JSON object, with ``findings``, ``ruled_out``, ``leftover``, ``unnamed``, ``evidence``, ``model``."""
     found = e.conclusion
     return {
         "format": FORMAT,
@@ -31,6 +32,7 @@ def answer(e: Explanation) -> dict[str, Any]:
         "mechanisms": named(e),
         "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.alternatives],
         "indistinguishable": [list(pair) for pair in found.indistinguishable],
+        "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
         "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
         "leftover": [_place(m) for m in e.leftover],
         "unnamed": [
@@ -38,7 +40,7 @@ def answer(e: Explanation) -> dict[str, Any]:
             for h, gain in found.unnamed[:4]
         ],
         "fit": _fit(e),
-        "next_measurement": next_measurement(e),
+        "next_measurement": _next(e),
         "evidence": [
             {"ids": list(h.ids), "nats_over_nothing": _round(h.evidence - found.nothing.evidence)}
             for h in found.singles
@@ -138,18 +140,13 @@ def _fit(e: Explanation) -> dict[str, Any]:
     return fit
 
 
-def next_measurement(e: Explanation) -> dict[str, Any]:
-    """Which reading would best separate the leading explanations."""
-    found = e.conclusion
-    rivals = [h for h in found.singles if h.ids != found.best.ids][:2]
-    if not found.best.ids or not rivals:
-        return {"statement": "Nothing needs to be told apart.", "would_separate": []}
-    first = found.best.fit.terms[0].mechanism if found.best.fit.terms else found.best.wanders[0][0].mechanism
-    assert first is not None
-    rival = rivals[0].ids[0]
+def _next(e: Explanation) -> dict[str, Any]:
+    """Which reading would best separate the leading explanations, and by how much."""
+    found = next_measurement(e.scene, e.conclusion)
     return {
-        "statement": f"To tell {first.id} from {rival}: {first.tie_breaker or 'repeat under a very different sun'}.",
-        "would_separate": [[first.id, rival]],
+        "statement": found.statement,
+        "would_separate": found.would_separate,
+        "nats_per_test": [{"like": test, "nats": _round(nats, 3)} for test, nats in found.nats_per_test],
     }
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis.explain.families import named_wanders, unnamed_wanders
+from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance
-from analysis.explain.noise import GRID
+from analysis.explain.noise import GRID, Hyper
+from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
 NAME_FIRST = 8.0
@@ -50,6 +51,8 @@ class Conclusion:
         Unnamed families that still gain beside the best: (family, nats).
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
+    contradicted
+        Random effects that the readings speak against, and how.
     """
 
     best: Hypothesis
@@ -63,17 +66,18 @@ class Conclusion:
     unnamed_alone: float = 0.0
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
+    contradicted: dict[str, str] = field(default_factory=dict)
 
 
 def conclude(search: Search) -> Conclusion:
     """Search, compare, and decide."""
     nothing = search.nothing()
-    singles = search.singles() + _wandering_singles(search, nothing)
-    singles.sort(key=lambda h: -h.evidence)
-    found = Conclusion(best=nothing, nothing=nothing, singles=singles)
+    found = Conclusion(best=nothing, nothing=nothing, singles=[])
+    found.singles = search.singles() + _wandering_beside(search, found, nothing, (), GRID)
+    found.singles.sort(key=lambda h: -h.evidence)
     few = _few(search)
     needs = {True: few * NAME_FIRST_RANDOM, False: NAME_FIRST}
-    named = [h for h in singles if h.evidence - nothing.evidence > needs[bool(h.wanders)]]
+    named = [h for h in found.singles if h.evidence - nothing.evidence > needs[bool(h.wanders)]]
     if named:
         found.best = named[0]
         _grow(search, found)
@@ -95,9 +99,20 @@ def _widen(search: Search, fit: Fit) -> None:
     fit.covariance = posterior_covariance(whitener, fit)
 
 
-def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
-    tried = {m.id for m in search.mechanisms if m.random}
-    return [search.wandering(nothing, w, (), GRID) for w in named_wanders(search.scene, tried)]
+def _wandering_beside(
+    search: Search, found: Conclusion, base: Hypothesis, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]
+) -> list[Hypothesis]:
+    """``base`` with each of the catalogue's random effects that repeated readings do not contradict."""
+    tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
+    kept = []
+    for wander in named_wanders(search.scene, tried):
+        h = search.wandering(base, wander, extra, grid)
+        _, amplitude, length = h.wanders[-1]
+        if wander is CLOUD and repeats(search.scene, base.fit, wander, amplitude, length).contradict:
+            found.contradicted[wander.name] = "readings of one direction at several moments of a test do not show it"
+        else:
+            kept.append(h)
+    return kept
 
 
 def _grow(search: Search, found: Conclusion) -> None:
@@ -119,9 +134,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     grid = best_hypers(base.fit, 6)
     extra = (*search.form_error(base.fit), *(w.extra(search.scene, a, x) for w, a, x in base.wanders))
     alone = search.reweighed(base, extra, grid)
-    candidates = search.beside(base, grid, extra)
-    tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
-    candidates += [search.wandering(base, w, extra, grid) for w in named_wanders(search.scene, tried)]
+    candidates = search.beside(base, grid, extra) + _wandering_beside(search, found, base, extra, grid)
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT]
@@ -130,11 +143,17 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders)
-    needed = NAME_SECOND_RANDOM if random else NAME_SECOND
+    needed = (NAME_SECOND_RANDOM if random else NAME_SECOND) + _misfit(base, found.nothing)
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
     best.evidence = base.evidence + gain
     return gain, best
+
+
+def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:
+    """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
+    wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
+    return wrong**2 * max(h.evidence - nothing.evidence, 0.0)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:
@@ -144,17 +163,20 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
         *search.form_error(best.fit),
         *(w.extra(search.scene, a, x) for w, a, x in best.wanders),
     )
-    grid = best_hypers(best.fit, 6)
-    alone = search.reweighed(best, extra, grid)
-    for family in unnamed_wanders(search.scene):
-        with_it = search.wandering(best, family, extra, grid)
-        found.unnamed.append((with_it, with_it.evidence - alone))
-    found.unnamed.sort(key=lambda item: -item[1])
+    found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
-        grid = best_hypers(found.nothing.fit, 6)
-        base = search.reweighed(found.nothing, (), grid)
-        gains = [search.wandering(found.nothing, f, (), grid).evidence - base for f in unnamed_wanders(search.scene)]
-        found.unnamed_alone = max(gains, default=0.0)
+        found.unnamed_alone = max((gain for _, gain in _unnamed_beside(search, found.nothing, ())), default=0.0)
+
+
+def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[tuple[Hypothesis, float]]:
+    """Unnamed structure that could stand beside ``base``, with its gain [nats], largest first."""
+    grid = best_hypers(base.fit, 6)
+    alone = search.reweighed(base, extra, grid)
+    families = [(family, 0.0) for family in unnamed_wanders(search.scene)]
+    if odd := odd_readings(search.scene, base.fit, search.fitter.whitener(grid[0], extra)):
+        families.append(odd)
+    with_them = [(search.wandering(base, family, extra, grid), ways) for family, ways in families]
+    return sorted(((h, h.evidence - ways - alone) for h, ways in with_them), key=lambda item: -item[1])
 
 
 def _decide(found: Conclusion, few: float) -> None:
@@ -162,7 +184,7 @@ def _decide(found: Conclusion, few: float) -> None:
     gain = found.best.evidence - found.nothing.evidence
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
-    elif left > UNNAMED:
+    elif left > UNNAMED + _misfit(found.best, found.nothing):
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED:
         found.verdict = "unexplained"

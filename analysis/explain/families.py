@@ -5,9 +5,12 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 """
 
 import numpy as np
+from scipy.special import gammaln
 
 from analysis.explain import wander as w
+from analysis.explain.fit import Fit
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.noise import Whitener
 from analysis.explain.scene import Scene
 
 CLOUD = w.Wander(
@@ -16,6 +19,12 @@ CLOUD = w.Wander(
 SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
 
 _SIZES = (0.03, 0.10, 0.30)
+_ODD = 4.5
+"""A reading this many standard deviations from what all others say of it is odd."""
+_USUAL_ODD = 30.0
+"""Evidence [nats] for odd readings that the steep edges of a lens's images make where nothing was left out."""
+_FEW = 0.04
+"""At most this share of the readings can be odd; more are a shape of their own."""
 
 
 def named_wanders(scene: Scene, tried: set[str]) -> tuple[w.Wander, ...]:
@@ -53,3 +62,22 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
     if r.has_times and tests > 3:
         found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
     return tuple(found)
+
+
+def odd_readings(scene: Scene, fit: Fit, whitener: Whitener) -> tuple[w.Wander, float] | None:
+    """Readings that stand alone (a glint, a spike, a shadow of something thin), as a random effect of their own.
+
+    Returns the effect and the log of the number of ways in which so many readings could have been picked; ``None``
+    where no reading stands alone.
+    """
+    count = len(scene.readings)
+    inverse_root = whitener.whitened(np.eye(count))
+    others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
+    alone = np.abs(others_say) / np.sqrt(np.sum(inverse_root**2, axis=0))
+    odd = np.flatnonzero(alone > _ODD)
+    if len(odd) == 0:
+        return None
+    odd = odd[np.argsort(-alone[odd])][: max(int(_FEW * count), 1)]
+    columns = np.eye(count)[:, odd]
+    ways = _USUAL_ODD + float(gammaln(count + 1) - gammaln(len(odd) + 1) - gammaln(count - len(odd) + 1))
+    return w.Wander("odd readings", f"{len(odd)} readings that stand alone", lambda *_: columns, _SIZES, (1.0,)), ways

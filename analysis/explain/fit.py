@@ -14,7 +14,7 @@ from scipy.stats import norm
 from analysis.cases.model import Floats
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Whitener
+from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Solved, Whitener
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 
@@ -84,22 +84,22 @@ class Fitter:
         self.nuisance = nuisance or Nuisance(scene.readings, lens_error_effects(scene), steepness(scene))
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}
-        self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Floats]] = {}
+        self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Solved]] = {}
 
     def whitener(self, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Whitener:
         """The covariance at a grid point, with extra random effects."""
         if hyper.base not in self._factored:
             self._factored[hyper.base] = self.nuisance.factored(hyper)
         factored = self._factored[hyper.base]
-        return factored.whitener(hyper, tuple(e.amplitude * self._solve(hyper, factored, e.columns) for e in extra))
+        return factored.whitener(hyper, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra))
 
-    def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Floats:
+    def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Solved:
         """Solve an effect's columns once per grid point (they are tried at many amplitudes)."""
         key = (hyper.base, id(columns))
         if key not in self._solved:
             while len(self._solved) > 40:
                 del self._solved[next(iter(self._solved))]
-            self._solved[key] = (columns, factored.blocks.solved(columns))  # columns kept, so that the id stays theirs
+            self._solved[key] = (columns, Solved(factored.blocks.solved(columns)))  # columns kept, so that the id stays theirs
         return self._solved[key][1]
 
     def residual(self, terms: tuple[Term, ...], theta: Floats) -> Floats:

@@ -21,6 +21,10 @@ SIZES = {"blur": 0.25, "broad": 0.10, "shift": 0.8, "turn": 0.8, "gain": 0.02, "
 """Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part, loss of contrast."""
 SURROUNDINGS_DEG = 20.0
 """Width of the surroundings that a contrast is relative to [deg]."""
+SUN_S_PER_DEG = 240.0
+"""The sky turns by a degree in this time [s]."""
+DIMS_PER_DEG = 0.04
+"""Usual relative change of the sun part for a degree of the sun's way: height above the pane, Fresnel losses."""
 _OF_SYSTEM, _OF_TEST = 0.8, 0.6  # of the usual size, in quadrature about one
 
 
@@ -37,7 +41,22 @@ def lens_error_effects(scene: Scene) -> Floats:
         for system in np.unique(r.system[tests]):
             columns.append(_OF_SYSTEM * np.where(r.system[r.test] == system, relative, 0.0))
         columns += [_OF_TEST * np.where(r.test == t, relative, 0.0) for t in tests]
+    if r.has_times:
+        columns += _while_the_sun_moves(scene, shapes)
     return np.stack(columns, axis=1)
+
+
+def _while_the_sun_moves(scene: Scene, shapes: dict[str, Floats]) -> list[Floats]:
+    """A prediction for the middle of a test meets a sun that goes on: its image shifts, turns, dims in the meantime."""
+    r = scene.readings
+    columns = []
+    for t in np.unique(r.test[scene.is_gonio]):
+        rows = scene.is_gonio & (r.test == t)
+        seconds = (r.utc_ns - r.utc_ns[rows].mean()) / 1e9
+        moved_deg = np.where(rows, seconds / SUN_S_PER_DEG, 0.0)
+        for name, size in (("shift", 1.0), ("turn", 1.0), ("gain", DIMS_PER_DEG)):
+            columns.append(size * moved_deg * shapes[name] / np.hypot(r.simulated, r.floor))
+    return columns
 
 
 def _shapes(scene: Scene) -> dict[str, Floats]:

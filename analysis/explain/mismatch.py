@@ -19,7 +19,7 @@ from analysis.explain.retrace import Simulator, retraced_of
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 
-LOOKING = Hyper(1.0, 1.0)
+LOOKING = Hyper(1.0, 1.0, 0.4)
 """Size of the usual nuisances, when it is asked where (not why) something differs."""
 
 

@@ -182,7 +182,7 @@ class Nuisance:
     def factored(self, hyper: Hyper) -> "Factored":
         """Factor the blocks for a grid point, and solve the nuisance effects by them; `Hyper.lens` does not matter."""
         blocks = Blocks(self.blocks, [np.asarray(np.linalg.cholesky(self.matrix(b, hyper))) for b in self.blocks])
-        return Factored(blocks, blocks.solved(self._gains), blocks.solved(self._lens_error))
+        return Factored(blocks, Solved(blocks.solved(self._gains)), Solved(blocks.solved(self._lens_error)))
 
     def whitener(self, hyper: Hyper) -> "Whitener":
         """The covariance at one grid point."""
@@ -205,17 +205,35 @@ class Blocks:
         return white
 
 
+class Solved:
+    """Independent effects (N, K), already solved by the block factors, with the products that covariances need."""
+
+    def __init__(self, columns: Floats) -> None:
+        self.columns = columns
+        self._products: dict[int, tuple[Solved, Floats]] = {}  # with the other, so that its id stays its own
+
+    def times(self, other: "Solved") -> Floats:
+        """``columnsᵀ other.columns``, made once; shape (K, L)."""
+        if id(other) not in self._products:
+            self._products[id(other)] = (other, self.columns.T @ other.columns)
+        return self._products[id(other)][1]
+
+
+Scaled = tuple[Solved, float]
+"""Effects and how large they are."""
+
+
 @dataclass(frozen=True)
 class Factored:
     """Block factors and the nuisance effects solved by them, for all errors of the lens."""
 
     blocks: Blocks
-    gains: Floats
-    lens_error: Floats
+    gains: Solved
+    lens_error: Solved
 
-    def whitener(self, hyper: Hyper, extra: tuple[Floats, ...] = ()) -> "Whitener":
-        """The covariance with an error of the lens, and with extra effects (N, k) already solved."""
-        return Whitener(self.blocks, np.concatenate([self.gains, hyper.lens * self.lens_error, *extra], axis=1))
+    def whitener(self, hyper: Hyper, extra: tuple[Scaled, ...] = ()) -> "Whitener":
+        """The covariance with an error of the lens, and with extra effects."""
+        return Whitener(self.blocks, ((self.gains, 1.0), (self.lens_error, hyper.lens), *extra))
 
 
 class Whitener:
@@ -223,15 +241,29 @@ class Whitener:
 
     Parameters
     ----------
-    effects : shape (N, K)
-        Columns u with covariance sum u uᵀ, already solved by the block factors.
+    parts
+        Columns u with covariance sum u uᵀ, already solved by the block factors, and their sizes.
     """
 
-    def __init__(self, blocks: Blocks, effects: Floats) -> None:
+    def __init__(self, blocks: Blocks, parts: tuple[Scaled, ...]) -> None:
         self.blocks = blocks
-        self._effects = effects
-        self._inner = cho_factor(np.eye(effects.shape[1]) + effects.T @ effects)
+        self._parts = parts
+        edge = np.cumsum([0, *(part.columns.shape[1] for part, _ in parts)])
+        inner = np.eye(edge[-1])
+        for k, (part, size) in enumerate(parts):
+            for m, (other, its_size) in enumerate(parts[: k + 1]):  # the later one, forgotten first, keeps the product
+                inner[edge[k] : edge[k + 1], edge[m] : edge[m + 1]] += size * its_size * part.times(other)
+        self._inner = cho_factor(inner, lower=True)
         self.log_det = blocks.log_det + 2.0 * float(np.sum(np.log(np.diag(self._inner[0]))))
+
+    @property
+    def _effects(self) -> Floats:
+        """All effects in a row; shape (N, K)."""
+        return np.concatenate([size * part.columns for part, size in self._parts], axis=1)
+
+    def _onto(self, white: Floats) -> Floats:
+        """Effects' products with columns (N, k) that are already solved; shape (K, k)."""
+        return np.concatenate([size * (part.columns.T @ white) for part, size in self._parts])
 
     def solved(self, columns: Floats) -> Floats:
         """Columns (N, k) divided by the block factors; effects not yet taken off."""
@@ -239,7 +271,7 @@ class Whitener:
 
     def gram_of(self, white: Floats) -> Floats:
         """`gram` of columns that are already solved."""
-        onto = self._effects.T @ white
+        onto = self._onto(white)
         return np.asarray(white.T @ white - onto.T @ cho_solve(self._inner, onto))
 
     def gram(self, columns: Floats) -> Floats:
@@ -249,7 +281,7 @@ class Whitener:
     def squares(self, columns: Floats) -> Floats:
         """cᵀ Σ⁻¹ c of each column c of (N, k); shape (k,)."""
         white = self.solved(columns)
-        onto = self._effects.T @ white
+        onto = self._onto(white)
         return np.asarray(np.sum(white**2, axis=0) - np.sum(onto * cho_solve(self._inner, onto), axis=0))
 
     def whitened(self, columns: Floats) -> Floats:
@@ -261,4 +293,4 @@ class Whitener:
 
     def effects_mean(self, residual: Floats) -> Floats:
         """Expected size (K,) of each effect given a residual (N,), in units of its own standard deviation."""
-        return np.asarray(cho_solve(self._inner, self._effects.T @ self.solved(residual[:, None])[:, 0]))
+        return np.asarray(cho_solve(self._inner, self._onto(self.solved(residual[:, None]))[:, 0]))

@@ -137,5 +137,6 @@ def _doubts(content: dict[str, Any]) -> str:
         for a in content["alternatives"]
         if a["probability"] > 0.005
     ]
+    lines += [f"{n['id']} is ruled out: {n['because']}." for n in content["ruled_out"]]
     lines.append(content["next_measurement"]["statement"])
     return _list(lines, "")

@@ -77,11 +77,9 @@ class Retraced:
         return bool(self.paths("clock-offset"))
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
-        """Paths of settings for one mechanism."""
+        """Paths of settings for one mechanism: a case's variants may not reach as far as the settings do."""
         own = self.case_paths.get(mechanism, ())
-        if own or self.simulator is None:
-            return own
-        return self.simulator.paths(mechanism)
+        return own if self.simulator is None else (*own, *self.simulator.paths(mechanism))
 
     def sun_later(self, minutes: float) -> Floats | None:
         """Ratio (T, P, G) of the sun part with the sun ``minutes`` later; ``None`` where it is not known."""

@@ -70,7 +70,10 @@ class LensHaze(_Retraced):
         Parameter("haze", "1", "share of the transmitted light that is scattered widely", 0.0, 1.0, 0.12, (0.05, 0.2)),
     )
     needs = "sun and sky parts apart, with illuminances (light scattered at the entry enters like the sky's)"
-    source = "entry: (1-h) S + h (B/D) K; exit: (1-h) I + h (flux) cos(gamma)/pi; ASTM D1003 (haze)"
+    source = (
+        "entry: (1-h) S + h (B/D) K; exit: (1-h) I + h (flux) cos(gamma)/pi (a dull surface) "
+        "or (flux)/2pi (a turbid one); ASTM D1003 (haze)"
+    )
     tie_breaker = "the same scan with a cleaned or exchanged lens"
 
     def why_not(self, scene: Scene) -> str:
@@ -79,7 +82,7 @@ class LensHaze(_Retraced):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Scatter at the entry, at the exit, or as re-simulated."""
-        ways = [Branch("exit lens", "exit")]
+        ways = [Branch("exit lens", "exit"), Branch("exit lens, evenly to all sides", "even")]
         if scene.knows_split:
             ways.insert(0, Branch("entry lens", "entry"))
         return (*ways, *super().branches(scene))
@@ -101,12 +104,12 @@ class LensHaze(_Retraced):
             return
         from analysis.explain.fields import GAMMA_DEG, solid_angle
 
-        lambert = np.cos(np.radians(GAMMA_DEG)) / np.pi
+        lobe = np.cos(np.radians(GAMMA_DEG)) / np.pi if branch.value == "exit" else 1.0 / (2.0 * np.pi)
         weight = solid_angle()
         for name in ("sun", "sky"):
             field = getattr(light, name)
             flux = np.sum(field * weight, axis=(1, 2))
-            setattr(light, name, (1.0 - h) * field + h * flux[:, None, None] * lambert)
+            setattr(light, name, (1.0 - h) * field + h * flux[:, None, None] * lobe)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much and where."""
