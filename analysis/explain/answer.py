@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from analysis.cases.read import COLUMNS
+from analysis.explain.conclude import Unnamed
 from analysis.explain.fit import Fit
+from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mismatch import Explanation
@@ -21,7 +23,7 @@ FORMAT = "labdaq-explanation/1"
 
 
 def answer(e: Explanation) -> dict[str, Any]:
-    """The contract's JSON object, with ``findings``, ``ruled_out``, ``leftover``, ``unnamed``, ``evidence``, ``model``."""
+    """The contract's JSON object, + ``findings``, ``ruled_out``, ``leftover``, ``unnamed``, ``evidence``, ``model``."""
     found = e.conclusion
     return {
         "format": FORMAT,
@@ -35,10 +37,7 @@ def answer(e: Explanation) -> dict[str, Any]:
         "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
         "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
         "leftover": [_place(m) for m in e.leftover],
-        "unnamed": [
-            {"along": h.wanders[-1][0].along, "nats": _round(gain), "size": h.wanders[-1][1]}
-            for h, gain in found.unnamed[:4]
-        ],
+        "unnamed": [_unnamed(u) for u in found.unnamed[:4]],
         "fit": _fit(e),
         "next_measurement": _next(e),
         "evidence": [
@@ -122,12 +121,20 @@ def _place(m: Mismatch) -> dict[str, Any]:
     }
 
 
+def _unnamed(u: Unnamed) -> dict[str, Any]:
+    told = {"along": u.along, "nats": _round(u.gain), "size": _round(u.size)}
+    return told if u.conjecture is None else {**told, "conjecture": u.conjecture.mechanism.leaves_out}
+
+
 def _fit(e: Explanation) -> dict[str, Any]:
     fit: dict[str, Any] = {
         "records": len(e.scene.readings),
         "before": {"rms_percent": _round(100 * e.before), "chi2_per_dof": _round(e.chi2_before)},
         "after": {"rms_percent": _round(100 * e.after), "chi2_per_dof": _round(e.chi2_after)},
     }
+    if e.again is not None:
+        left = rms(deviations(e.scene.readings, e.again.predicted))
+        fit["simulated_again"] = {"with": list(e.again.ids), "rms_percent": _round(100 * left)}
     if e.held_out is not None:
         fit["held_out"] = {
             "scheme": e.held_out.scheme,

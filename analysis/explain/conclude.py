@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance
+from analysis.explain.mechanisms.base import Term
 from analysis.explain.noise import GRID, Hyper
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
@@ -37,6 +38,28 @@ TEMPER = 1.6
 """Evidence is divided by this before it becomes probability: forms are never quite right."""
 
 
+@dataclass(frozen=True)
+class Unnamed:
+    """Structure that no catalogued mechanism explains.
+
+    Attributes
+    ----------
+    along
+        What it varies with, in words; the id of a conjecture.
+    gain
+        Nats of log evidence.
+    size
+        Its amplitude (relative), or the conjecture's last parameter.
+    conjecture
+        A law that fits it, of physics beyond the catalogue.
+    """
+
+    along: str
+    gain: float
+    size: float
+    conjecture: Term | None = None
+
+
 @dataclass
 class Conclusion:
     """What the search came to.
@@ -48,7 +71,7 @@ class Conclusion:
     nothing, singles
         What it was compared with; singles are sorted, best first.
     unnamed
-        Unnamed families that still gain beside the best: (family, nats).
+        Unnamed structure that still gains beside the best, largest gain first.
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
     contradicted
@@ -62,7 +85,7 @@ class Conclusion:
     probability: dict[str, float] = field(default_factory=dict)
     alternatives: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     indistinguishable: list[tuple[str, str]] = field(default_factory=list)
-    unnamed: list[tuple[Hypothesis, float]] = field(default_factory=list)
+    unnamed: list[Unnamed] = field(default_factory=list)
     unnamed_alone: float = 0.0
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
@@ -165,22 +188,28 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     )
     found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
-        found.unnamed_alone = max((gain for _, gain in _unnamed_beside(search, found.nothing, ())), default=0.0)
+        found.unnamed_alone = max((u.gain for u in _unnamed_beside(search, found.nothing, ())), default=0.0)
 
 
-def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[tuple[Hypothesis, float]]:
-    """Unnamed structure that could stand beside ``base``, with its gain [nats], largest first."""
+def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:
+    """Unnamed structure that could stand beside ``base``, largest gain first."""
     grid = best_hypers(base.fit, 6)
     alone = search.reweighed(base, extra, grid)
     families = [(family, 0.0) for family in unnamed_wanders(search.scene)]
     if odd := odd_readings(search.scene, base.fit, search.fitter.whitener(grid[0], extra)):
         families.append(odd)
-    with_them = [(search.wandering(base, family, extra, grid), ways) for family, ways in families]
-    return sorted(((h, h.evidence - ways - alone) for h, ways in with_them), key=lambda item: -item[1])
+    found = []
+    for family, ways in families:
+        h = search.wandering(base, family, extra, grid)
+        found.append(Unnamed(family.along, h.evidence - ways - alone, h.wanders[-1][1]))
+    for h in search.beside(base, grid, extra, search.conjectures):
+        law = h.fit.terms[-1]
+        found.append(Unnamed(law.mechanism.id, h.evidence - alone, float(h.fit.theta[-1]), law))
+    return sorted(found, key=lambda u: -u.gain)
 
 
 def _decide(found: Conclusion, few: float) -> None:
-    left = found.unnamed[0][1] if found.unnamed else 0.0
+    left = found.unnamed[0].gain if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
@@ -211,7 +240,7 @@ def _probabilities(found: Conclusion) -> None:
     logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
     for h in found.singles:
         logs[h.ids] = h.evidence
-    left = found.unnamed[0][1] if found.unnamed else 0.0
+    left = found.unnamed[0].gain if found.unnamed else 0.0
     logs[found.best.ids] = top + max(left, 0.0)  # what is left beside it does not speak against it
     logs[("unnamed",)] = (
         found.nothing.evidence + max(found.unnamed_alone, 0.0 if found.best.ids else left) - np.log(4.0)

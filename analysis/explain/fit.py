@@ -99,7 +99,10 @@ class Fitter:
         if key not in self._solved:
             while len(self._solved) > 40:
                 del self._solved[next(iter(self._solved))]
-            self._solved[key] = (columns, Solved(factored.blocks.solved(columns)))  # columns kept, so that the id stays theirs
+            self._solved[key] = (
+                columns,
+                Solved(factored.blocks.solved(columns)),
+            )  # columns kept, so that the id stays theirs
         return self._solved[key][1]
 
     def residual(self, terms: tuple[Term, ...], theta: Floats) -> Floats:

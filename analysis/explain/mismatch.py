@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain.again import Again, simulated_again
 from analysis.explain.conclude import Conclusion, conclude
 from analysis.explain.fit import Fitter
 from analysis.explain.forensics import forensics
@@ -29,6 +30,8 @@ class Explanation:
 
     Attributes
     ----------
+    again
+        The found physics put into our own simulation, where it is a setting of one.
     mismatch, leftover
         Where the recording differs from the prediction, and from the corrected prediction.
     corrected, corrected_sd : shape (N,) [lx, cd, cd/m²]
@@ -48,6 +51,7 @@ class Explanation:
     chi2_after: float
     held_out: HeldOut | None
     not_tried: dict[str, str] = field(default_factory=dict)
+    again: Again | None = None
 
 
 def explain(
@@ -78,6 +82,9 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     progress("predicting what was not fitted")
     outside = held_out(scene, best.terms, best.theta, best.hyper)
     corrected = predict(scene, best.terms, best.theta)
+    if simulator is not None:
+        progress("simulating again with what was found")
+    again = simulated_again(scene, best.terms, best.theta) if simulator is not None else None
     extra = tuple(w.extra(scene, a, x) for w, a, x in kept.wanders)
     whitener = fitter.whitener(best.hyper, extra)
     leftover = locate(readings, best.residual, fitter.whitener(LOOKING, (*search.form_error(best), *extra)))
@@ -96,6 +103,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         chi2_after=float(whitener.squares(best.residual[:, None])[0]) / dof,
         held_out=outside,
         not_tried=search.not_tried,
+        again=again,
     )
 
 

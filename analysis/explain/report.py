@@ -110,6 +110,9 @@ def _fit(content: dict[str, Any]) -> str:
     rows = [("all readings", fit["before"], fit["after"])]
     if "held_out" in fit:
         rows.append((f"not fitted ({fit['held_out']['scheme']})", fit["held_out"]["before"], fit["held_out"]["after"]))
+    if "simulated_again" in fit:
+        name = f"all readings, simulated again with {' and '.join(fit['simulated_again']['with'])}"
+        rows.append((name, fit["before"], fit["simulated_again"]))
     cells = "".join(
         f"<tr><td>{name}</td><td class=n>{b['rms_percent']:.3g} %</td><td class=n>{a['rms_percent']:.3g} %</td></tr>"
         for name, b, a in rows
@@ -122,7 +125,9 @@ def _unnamed(content: dict[str, Any]) -> str:
         return ""
     return _list(
         [
-            f"Something unnamed varies with {u['along']} ({u['nats']:.1f} nats of evidence)."
+            f"A conjecture that fits: {u['conjecture']} ({u['nats']:.1f} nats of evidence)."
+            if "conjecture" in u
+            else f"Something unnamed varies with {u['along']} ({u['nats']:.1f} nats of evidence)."
             for u in content["unnamed"]
             if u["nats"] > 3
         ],

@@ -35,7 +35,7 @@ LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
-MINUTES: Final = (-20.0, 20.0)
+MINUTES: Final = (-20.0, -6.0, 6.0, 20.0)
 
 RAYS: Final = 60_000
 MORE_RAYS: Final = 250_000
@@ -44,8 +44,8 @@ _DARK: Final = 0.01
 """Share of a part's brightest direction below which a ratio is drawn towards 1: the rays there are few."""
 
 
-def simulator_of(case: Case) -> "OwnSimulation | None":
-    """A simulator for the case; ``None`` where no system is described, or no sun is known."""
+def systems_of(case: Case) -> dict[str, System]:
+    """The case's systems that our engine can trace, by id."""
     systems: dict[str, System] = {}
     for described in case.setup.system:
         if described.kind is None:
@@ -57,6 +57,12 @@ def simulator_of(case: Case) -> "OwnSimulation | None":
             systems[described.id] = from_case_table(table)
         except LabdaqError:
             continue  # a system that our engine cannot imagine: the case's own variants have to do
+    return systems
+
+
+def simulator_of(case: Case) -> "OwnSimulation | None":
+    """A simulator for the case; ``None`` where no system is described, or no sun is known."""
+    systems = systems_of(case)
     usable = [k for k, t in enumerate(case.tests) if t.system in systems and t.sun_altitude_deg is not None]
     return OwnSimulation(case, systems) if usable and case.setup.goniometer else None
 
@@ -124,7 +130,7 @@ class _Tracing:
         """See `Retracings`."""
         far = self._spread({name: run.baseline.far for name, run in self._runs.items()})
         near = self._spread({name: run.baseline.near for name, run in self._runs.items()})
-        return _ratio(near[0], far[0]), _ratio(near[1], far[1])
+        return ratio(near[0], far[0]), ratio(near[1], far[1])
 
     # what is traced
 
@@ -133,7 +139,7 @@ class _Tracing:
         days: dict[str, list[tuple[int, Daylight]]] = {name: [] for name in self.systems}
         for k, test in enumerate(self.case.tests):
             if test.system in days and test.sun_altitude_deg is not None:
-                days[test.system].append((k, _day(self.case, k, 0.0)))
+                days[test.system].append((k, daylight_of(self.case, k, 0.0)))
         return {name: tests for name, tests in days.items() if tests}
 
     @cached_property
@@ -186,7 +192,7 @@ class _Tracing:
 
     def _over_base(self, made: Mapping[str, Parts]) -> Field:
         sun, sky = self._spread(made)
-        return _ratio(sun, self._base[0]), _ratio(sky, self._base[1])
+        return ratio(sun, self._base[0]), ratio(sky, self._base[1])
 
     # what is made of it
 
@@ -258,7 +264,7 @@ class _Tracing:
             (1.0,),
             centre=1.0,
         )
-        sun, sky = (_ratio(one, r) for r in blurred)
+        sun, sky = (ratio(one, r) for r in blurred)
         yield Path("a pattern, not its mean", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
 
     def _haze(self) -> Iterator[Path]:
@@ -318,7 +324,7 @@ class _Tracing:
         for minutes in MINUTES:
             moved = {}
             for name, days in self._days.items():
-                shifted = [_day(self.case, k, minutes) for k, _ in days]
+                shifted = [daylight_of(self.case, k, minutes) for k, _ in days]
                 moved[name] = self._as_predicted(self._trace(name, shifted, False).baseline)
             rows[minutes] = self._over_base(moved)
         one = np.ones_like(self._base[0])
@@ -343,7 +349,7 @@ def _settings(system: System) -> list[Setting]:
     return made
 
 
-def _day(case: Case, k: int, minutes: float) -> Daylight:
+def daylight_of(case: Case, k: int, minutes: float) -> Daylight:
     """Daylight of test ``k``, with the sun ``minutes`` later; typical illuminances where none were measured."""
     test = case.tests[k]
     altitude, azimuth = float(test.sun_altitude_deg or 0.0), float(test.sun_azimuth_deg or 0.0)
@@ -357,7 +363,7 @@ def _day(case: Case, k: int, minutes: float) -> Daylight:
     return daylight(altitude, azimuth % 360.0, diffuse + beam, diffuse, "perez", test.id)
 
 
-def _ratio(new: Floats, old: Floats) -> Floats:
+def ratio(new: Floats, old: Floats) -> Floats:
     """Ratio of fields (T, P, G), drawn towards 1 where a test's part is dark."""
     floor = _DARK * np.maximum(old.max(axis=(-2, -1), keepdims=True), 1e-12)
     return np.asarray(np.clip((new + floor) / (old + floor), 0.02, 50.0))

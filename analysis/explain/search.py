@@ -13,6 +13,7 @@ from analysis.cases.model import Floats
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.noise import GRID, Hyper
 from analysis.explain.wander import Wander
 from analysis.explain.wander import sphere as _sphere
@@ -53,11 +54,18 @@ class Hypothesis:
 class Search:
     """One search over one scene."""
 
-    def __init__(self, fitter: Fitter, mechanisms: Iterable[Mechanism] = CATALOGUE) -> None:
+    def __init__(
+        self,
+        fitter: Fitter,
+        mechanisms: Iterable[Mechanism] = CATALOGUE,
+        conjectures: Iterable[Mechanism] = CONJECTURES,
+    ) -> None:
         self.fitter = fitter
         self.scene = fitter.scene
         self.not_tried: dict[str, str] = {}
         self.mechanisms = tuple(m for m in mechanisms if self._can_try(m))
+        possible = [m for m in conjectures if set(m.kinds) & set(self.scene.kinds) and not m.why_not(self.scene)]
+        self.conjectures = {m.id: terms_of(m, self.scene) for m in possible}
         self._terms = {m.id: terms_of(m, self.scene) for m in self.mechanisms if not m.random}
 
     def _can_try(self, mechanism: Mechanism) -> bool:
@@ -109,10 +117,19 @@ class Search:
 
     # one more mechanism beside others
 
-    def beside(self, first: Hypothesis, grid: tuple[Hyper, ...], extra: tuple[Extra, ...]) -> list[Hypothesis]:
-        """Hypotheses of ``first`` and one mechanism more, best first, weighed with ``extra`` effects on ``grid``."""
+    def beside(
+        self,
+        first: Hypothesis,
+        grid: tuple[Hyper, ...],
+        extra: tuple[Extra, ...],
+        among: dict[str, tuple[Term, ...]] | None = None,
+    ) -> list[Hypothesis]:
+        """Hypotheses of ``first`` and one mechanism more (of the catalogue, or ``among`` others), best first.
+
+        They are weighed with ``extra`` effects on ``grid``.
+        """
         found = []
-        for m, terms in self._terms.items():
+        for m, terms in (self._terms if among is None else among).items():
             if m in first.ids:
                 continue
             fits = self._fit_beside(first.fit, terms, extra)

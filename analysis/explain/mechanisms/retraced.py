@@ -238,3 +238,7 @@ class WallScatter(_Retraced):
     needs = "a variant, or the systems' description"
     source = "re-simulation; report chapters 6 and 8 (foam core, tube wall)"
     tie_breaker = "a scatter measurement of the wall"
+
+
+WELL_AND_LENS = frozenset(m.id for m in (LensHaze, LensOrientation, WallReflectance, WallScatter)) | {"clock-offset"}
+"""Mechanisms whose parameters are settings of a simulation."""

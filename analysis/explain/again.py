@@ -1,0 +1,169 @@
+"""Close the loop: put the physics that was found into the simulation, and simulate again.
+
+The fit reads re-simulations between the settings that were traced, and the room in closed form. Here the skylights are
+traced once more with exactly the settings found, all of them together, and the room is solved by radiosity. If both
+agree with the recording alike, the found physics does in a simulation what the fit says.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
+from analysis.explain.mechanisms.retraced import WELL_AND_LENS
+from analysis.explain.resimulate import daylight_of, ratio, systems_of
+from analysis.explain.scene import Light, Scene
+from analysis.photometry import Distribution
+from analysis.simulate.room import Room
+from analysis.simulate.variants import Change, Parts, variants
+from labdaq.errors import ConfigError
+
+RAYS = 150_000
+"""Rays for each sun."""
+SETTING_OF = {
+    "rotation_deg": "rotation_deg",
+    "haze": "haze",
+    "scatter": "diffuse_fraction",
+    "scatter_deg": "scatter_deg",
+    "wall_reflectance": "wall_reflectance",
+    "offset_min": "minutes",
+}
+"""Parameter of a path to the simulator's setting; minutes move the sun."""
+_ROOM_GAMMA = np.arange(0.0, 90.1, 7.5)
+_ROOM_C = np.arange(0.0, 360.0, 22.5)
+
+
+@dataclass(frozen=True)
+class Again:
+    """A simulation with the found physics in it.
+
+    Attributes
+    ----------
+    ids
+        Mechanisms that were simulated; the others act as they were fitted.
+    predicted : shape (N,) [cd]
+    """
+
+    ids: tuple[str, ...]
+    predicted: Floats
+
+
+def simulated_again(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Again | None:
+    """Simulate the settings among ``terms``; ``None`` where there is none, or the systems are not described."""
+    settings, kept, values, ids = _sorted_out(scene, terms, theta)
+    if not ids:
+        return None
+    if settings:
+        traced = _traced(scene, settings)
+        if traced is None:
+            return None
+        kept.append(Term(_Traced(), Branch(value=traced), ()))
+    made = predict(scene, tuple(kept), np.concatenate([*values, np.zeros(0)]))
+    return Again(tuple(dict.fromkeys(ids)), made)
+
+
+def _sorted_out(
+    scene: Scene, terms: tuple[Term, ...], theta: Floats
+) -> tuple[list[tuple[str | None, str, float]], list[Term], list[Floats], list[str]]:
+    """Settings to trace (system or all, setting, value); terms that stay, with their parameters; ids simulated."""
+    settings: list[tuple[str | None, str, float]] = []
+    kept, values, ids, start = [], [], [], 0
+    for term in terms:
+        p = theta[start : start + len(term.parameters)]
+        start += len(term.parameters)
+        name = term.parameters[0].name if term.parameters else ""
+        if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and not isinstance(term.branch.value, str):
+            settings.append((_system_in(scene, term.branch.label), SETTING_OF[name], float(p[0])))
+            ids.append(term.mechanism.id)
+            continue
+        if term.mechanism.id == "room-interreflection":
+            term = replace(term, mechanism=_Radiosity())
+            ids.append("room-interreflection")
+        kept.append(term)
+        values.append(p)
+    return settings, kept, values, ids
+
+
+def _system_in(scene: Scene, label: str) -> str | None:
+    """The one system that a way of a mechanism is about, by its label; ``None`` for all."""
+    names = {t.system for t in scene.readings.case.tests if t.system}
+    return next((n for n in names if label == n or label.endswith(f", {n} only")), None)
+
+
+def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tuple[Floats, Floats] | None:
+    """Ratio (T, P, G) of both parts with the settings to the baseline; ``None`` where a system is not described."""
+    case = scene.readings.case
+    systems = systems_of(case)
+    sun, sky = (np.ones((len(case.tests), len(C_DEG), len(GAMMA_DEG))) for _ in range(2))
+    assert case.setup.goniometer is not None
+    for name in {t.system for t in case.tests if t.system}:
+        mine = {key: value for of, key, value in settings if of in (None, name)}
+        if not mine:
+            continue
+        tests = [k for k, t in enumerate(case.tests) if t.system == name and t.sun_altitude_deg is not None]
+        if name not in systems or not tests:
+            return None
+        minutes = mine.pop("minutes", 0.0)
+
+        def run(late: float, change: dict[str, float], system: str = name, these: list[int] = tests) -> Parts:
+            made = variants(
+                systems[system],
+                [daylight_of(case, k, late) for k in these],
+                [Change("", change)],
+                distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
+                rays=RAYS,
+                gamma_deg=GAMMA_DEG,
+                c_deg=np.append(C_DEG, 360.0),
+            ).variants[0][1]
+            return made.near if case.setup.simulation.field == "near" else made.far
+
+        try:
+            old, new = run(0.0, {}), run(minutes, mine)
+        except ConfigError:
+            return None  # the fit went where no skylight can
+        sun[tests], sky[tests] = ratio(new.sun, old.sun)[:, :-1], ratio(new.sky, old.sky)[:, :-1]
+    return sun, sky
+
+
+class _Traced(Mechanism):
+    """Lens, well and sun as traced again."""
+
+    id = "traced-again"
+    stage = Stage.OPTICS
+    leaves_out = "The settings that were found."
+    source = "re-simulation"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Change both parts by the traced ratios."""
+        light.sun, light.sky = light.sun * branch.value[0], light.sky * branch.value[1]
+
+
+class _Radiosity(Mechanism):
+    """The room's light by radiosity."""
+
+    id = "room-again"
+    stage = Stage.ROOM
+    leaves_out = "The room that was found."
+    source = "radiosity (analysis.simulate.room)"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Add what the room sends to sensors all over the hemisphere, interpolated to the fields' grid."""
+        setup = scene.readings.case.setup
+        assert setup.room is not None
+        assert setup.goniometer is not None
+        arm = setup.goniometer
+        room = Room(tuple(setup.room.size_m), p[0], p[1], p[0], arm.sensor_half_angle_deg)  # type: ignore[arg-type]
+        sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
+        field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
+        added = np.zeros_like(field)
+        for k in np.unique(scene.readings.test[scene.is_gonio]):
+            closed = np.append(C_DEG, 360.0)
+            far = Distribution(GAMMA_DEG, closed, np.concatenate([field[k], field[k, :1]]))
+            coarse = room.added(far, _ROOM_GAMMA[None, :], _ROOM_C[:, None], arm.distance_m)
+            coarse = np.concatenate([coarse, coarse[:1]])
+            added[k] = Distribution(_ROOM_GAMMA, np.append(_ROOM_C, 360.0), coarse).at(
+                GAMMA_DEG[None, :], C_DEG[:, None]
+            )
+        light.added = light.added + added

@@ -1,0 +1,120 @@
+"""What lies beyond the catalogue is said to be so, and what is found can be put into a simulation."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.explain.again import simulated_again
+from analysis.explain.answer import answer
+from analysis.explain.families import CLOUD
+from analysis.explain.fit import Fitter
+from analysis.explain.heldout import deviations, rms
+from analysis.explain.mechanisms.base import predict
+from analysis.explain.mismatch import Explanation, explain
+from analysis.explain.next_measurement import next_measurement
+from analysis.explain.noise import Hyper
+from analysis.explain.readings import Readings
+from analysis.explain.repeats import repeats
+from analysis.explain.scene import Scene
+from tests.analysis.explain import effects
+from tests.analysis.explain.campaign import Floats, Rows, Truth, light, make_case
+
+
+def _explained(folder: Path, truth: Truth) -> Explanation:
+    return explain(make_case(folder, truth))
+
+
+def _conjectures(content: dict[str, Any]) -> list[str]:
+    return [u["along"] for u in content["unnamed"] if "conjecture" in u and u["nats"] > 15.0]
+
+
+def _lagging(share: float) -> Truth:
+    """Each reading holds a share of the one that the same sensor gave a plane earlier."""
+
+    def truth(rows: Rows) -> Floats:
+        exact = light(rows)
+        return np.asarray(exact + share * np.where(rows.seconds > 6.0, np.roll(exact, 10) - exact, 0.0))
+
+    return truth
+
+
+def _sagging(degrees: float) -> Truth:
+    return lambda rows: light(rows, rows.gamma_deg + degrees * np.sin(np.radians(rows.gamma_deg)))
+
+
+@pytest.mark.parametrize(("truth", "law"), [(_sagging(2.5), "arm-sag"), (_lagging(0.3), "slow-sensors")])
+def test_a_law_beyond_the_catalogue_is_a_conjecture_and_no_name(truth: Truth, law: str, tmp_path: Path) -> None:
+    content = answer(_explained(tmp_path, truth))
+    assert content["verdict"] in {"unexplained", "partly-explained"}
+    assert law in _conjectures(content)
+    assert law not in [m["id"] for m in content["mechanisms"]]
+
+
+def test_readings_that_stand_alone_are_not_explained(tmp_path: Path) -> None:
+    def glint(rows: Rows) -> Floats:
+        spots = (rows.gamma_deg == 55.0) & (np.abs(rows.c_deg - 67.5) < 1.0) & (rows.test % 3 == 0)
+        return light(rows) * np.where(spots, 2.5, 1.0)
+
+    content = answer(_explained(tmp_path, glint))
+    assert content["verdict"] == "unexplained"
+    assert content["mechanisms"] == []
+    assert "stand alone" in content["unnamed"][0]["along"]
+
+
+def _nadir_gain(folder: Path, truth: Truth) -> tuple[float, float]:
+    scene = Scene(Readings.of(make_case(folder, truth)))
+    fitter = Fitter(scene)
+    fit = fitter.fit((), np.zeros(0), Hyper(1.0, 1.0, 0.4))
+    fit.hyper = Hyper(1.0, 1.0, 0.4)
+    found = repeats(scene, fit, CLOUD, 0.05, 45.0)
+    return found.gain, found.expected
+
+
+def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
+    """A cloud shows at nadir as elsewhere; what depends on the plane alone does not show there."""
+
+    def shape(rows: Rows) -> Floats:
+        away = np.sin(np.radians(rows.gamma_deg))
+        return light(rows) * (1.0 + 0.08 * away * np.sin(np.radians(3.0 * rows.c_deg + 40.0 * rows.test)))
+
+    gain, expected = _nadir_gain(tmp_path / "cloud", effects.clouds(0.05, 45.0))
+    assert expected > 3.0
+    assert gain > 3.0
+    gain, expected = _nadir_gain(tmp_path / "shape", shape)
+    assert gain < 0.0 < expected
+
+
+def test_a_room_found_is_the_room_simulated(tmp_path: Path) -> None:
+    """Closed form and radiosity agree on what the room adds: the loop closes."""
+    found = _explained(tmp_path, effects.room(0.08, 0.02))
+    fit = found.conclusion.best.fit
+    assert fit.ids == ("room-interreflection",)
+    again = simulated_again(found.scene, fit.terms, fit.theta)
+    assert again is not None
+    assert again.ids == ("room-interreflection",)
+    readings = found.scene.readings
+    assert rms(deviations(readings, again.predicted)) < 1.1 * found.after < 0.9 * found.before
+    added = again.predicted - readings.simulated
+    fitted = predict(found.scene, fit.terms, fit.theta) - readings.simulated
+    assert np.sum(added) == pytest.approx(np.sum(fitted), rel=0.1)
+
+
+def test_nothing_to_simulate_again(tmp_path: Path) -> None:
+    found = _explained(tmp_path, effects.gain(45.0, 0.1))
+    fit = found.conclusion.best.fit
+    assert simulated_again(found.scene, fit.terms, fit.theta) is None
+
+
+def test_the_next_measurement_is_the_one_where_rivals_differ(tmp_path: Path) -> None:
+    found = _explained(tmp_path, effects.offset(25.0))
+    told = next_measurement(found.scene, found.conclusion)
+    assert told.would_separate == [["dark-offset", "stray-light"]] or told.would_separate == [
+        ["stray-light", "dark-offset"]
+    ]
+    nats = [n for _, n in told.nats_per_test]
+    assert nats == sorted(nats, reverse=True)
+    assert all(n >= 0.0 for n in nats)
+    assert max(nats) < 1.0, "a constant light and a constant reading are the same numbers"
+    assert "would not tell them apart" in told.statement
