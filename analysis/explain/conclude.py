@@ -32,8 +32,12 @@ LEAST_EFFECT = 0.012
 not right to better than that."""
 APART = 3.0
 """Hypotheses closer than this are not told apart."""
-SURE = 0.5
-"""A mechanism (with those that cannot be told from it) less probable than this is not named: that is to abstain."""
+SURE = 0.8
+"""A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
+RELIABLE = 0.97
+"""Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
+DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
+"""Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
 TEMPER = 1.6
 """Evidence is divided by this before it becomes probability: forms are never quite right."""
 
@@ -169,6 +173,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     needed = (NAME_SECOND_RANDOM if random else NAME_SECOND) + _misfit(base, found.nothing)
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
+    if not _stands_out(best, base, candidates):
+        return None
     best.evidence = base.evidence + gain
     return gain, best
 
@@ -227,11 +233,23 @@ def _decide(found: Conclusion, few: float) -> None:
 
 
 def _sure(found: Conclusion) -> float:
-    """Probability of the first named mechanism, or of one that cannot be told from it."""
+    """Probability of the first named mechanism, or of its double."""
     first = found.best.ids[0]
-    group = {first, *(other for one, other in found.indistinguishable if one == first)}
-    alike = sum(p for ids, p in found.alternatives if len(ids) == 1 and ids[0] in group)
+    alike = sum(p for ids, p in found.alternatives if len(ids) == 1 and _double(ids[0], first))
     return found.probability[first] + alike
+
+
+def _double(one: str, other: str) -> bool:
+    return any({one, other} <= pair for pair in DOUBLES)
+
+
+def _stands_out(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis]) -> bool:
+    """Whether what ``best`` adds to ``base`` is surely the one, among all that could be added."""
+    odds = np.array([(h.evidence - best.evidence) / TEMPER for h in candidates])
+    share = np.exp(odds - np.logaddexp.reduce(odds))
+    (new,) = set(best.ids) - set(base.ids)
+    others = [next(iter(set(h.ids) - set(base.ids))) for h in candidates]
+    return float(sum(s for m, s in zip(others, share, strict=True) if m == new or _double(m, new))) > SURE
 
 
 def _probabilities(found: Conclusion) -> None:
@@ -249,7 +267,7 @@ def _probabilities(found: Conclusion) -> None:
     share = np.exp(values - np.logaddexp.reduce(values))
     ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])
     for m in found.best.ids:
-        found.probability[m] = float(sum(s for ids, s in ranked if m in ids))
+        found.probability[m] = RELIABLE * float(sum(s for ids, s in ranked if m in ids))
     found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
     if found.best.ids and len(found.best.ids) == 1:
         for h in found.singles[1:]:

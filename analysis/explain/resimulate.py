@@ -26,9 +26,8 @@ from labdaq.errors import LabdaqError
 Setting = tuple[tuple[str, float], ...]
 Field = tuple[Floats, Floats]
 
-TURNS_DEG: Final = (10.0, 27.0, 45.0, 63.0, 80.0)
-HAZES: Final = (0.15,)
-DIFFUSE_SHARES: Final = (0.05, 0.3)
+TURNS_DEG: Final = (12.0, 34.0, 56.0, 78.0)
+DIFFUSE_SHARES: Final = (0.15,)
 SCATTERS_DEG: Final = (5.0,)
 AUREOLES_DEG: Final = (3.0, 8.0)
 LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
@@ -37,8 +36,8 @@ UNLIMITED: Final = 40.0
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
 MINUTES: Final = (-20.0, -6.0, 6.0, 20.0)
 
-RAYS: Final = 60_000
-MORE_RAYS: Final = 250_000
+RAYS: Final = 45_000
+MORE_RAYS: Final = 160_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
 _DARK: Final = 0.01
 """Share of a part's brightest direction below which a ratio is drawn towards 1: the rays there are few."""
@@ -201,7 +200,6 @@ class _Tracing:
         made: dict[str, tuple[Path, ...]] = {
             "lens-orientation": tuple(self._every(self._turns())),
             "lens-anisotropy": tuple(self._every(self._isotropy())),
-            "lens-haze": tuple(self._every(self._haze())),
             "wall-scatter": tuple(self._every(self._scatter())),
             "wall-reflectance": tuple(self._reflectances()),
             "bounce-truncation": tuple(self._every(self._limits())),
@@ -266,10 +264,6 @@ class _Tracing:
         )
         sun, sky = (ratio(one, r) for r in blurred)
         yield Path("a pattern, not its mean", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
-
-    def _haze(self) -> Iterator[Path]:
-        haze = Parameter("haze", "1", "share of the light that the lenses scatter widely", 0.0, 0.6, 0.12, (0.05, 0.2))
-        yield self._along("own re-simulation", haze, {h: (("haze", h),) for h in HAZES}, 0.0)
 
     def _scatter(self) -> Iterator[Path]:
         share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
@@ -341,8 +335,6 @@ def _settings(system: System) -> list[Setting]:
     if "prismatic" in (system.entry.kind, system.exit.kind):
         made += [(("rotation_deg", t),) for t in TURNS_DEG]
         made += [(("isotropic", True),)]
-    if (system.entry.kind, system.exit.kind) != ("none", "none"):
-        made += [(("haze", h),) for h in HAZES]
     if system.wall.finish == "specular":
         made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
         made += [(("scatter_deg", s),) for s in SCATTERS_DEG]
