@@ -18,7 +18,11 @@ from analysis.explain.search import Hypothesis, Search, best_hypers
 NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_RANDOM = 25.0
-"""The same for a random effect: it also leans on a simulation's own ripple."""
+"""The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
+NAME_FIRST_LENS = 18.0
+"""The same for what looks like a lens simulated a little wrong."""
+SHOWN = 4.0
+"""Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 18.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
 UNNAMED = 15.0
@@ -78,8 +82,8 @@ class Conclusion:
         Unnamed structure that still gains beside the best, largest gain first.
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
-    contradicted
-        Random effects that the readings speak against, and how.
+    contradicted, shown
+        Random effects that repeated readings speak against (and how), and those that they show by themselves.
     """
 
     best: Hypothesis
@@ -94,6 +98,7 @@ class Conclusion:
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
     contradicted: dict[str, str] = field(default_factory=dict)
+    shown: set[str] = field(default_factory=set)
 
 
 def conclude(search: Search) -> Conclusion:
@@ -103,8 +108,7 @@ def conclude(search: Search) -> Conclusion:
     found.singles = search.singles() + _wandering_beside(search, found, nothing, (), GRID)
     found.singles.sort(key=lambda h: -h.evidence)
     few = _few(search)
-    needs = {True: few * NAME_FIRST_RANDOM, False: NAME_FIRST}
-    named = [h for h in found.singles if h.evidence - nothing.evidence > needs[bool(h.wanders)]]
+    named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
     if named:
         found.best = named[0]
         _grow(search, found)
@@ -113,6 +117,13 @@ def conclude(search: Search) -> Conclusion:
     if found.best.ids:
         _widen(search, found.best.fit)
     return found
+
+
+def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
+    """What a first mechanism must gain over "nothing"."""
+    if h.wanders:
+        return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
+    return NAME_FIRST_LENS if any(t.mechanism.like_a_lens for t in h.fit.terms) else NAME_FIRST
 
 
 def _few(search: Search) -> float:
@@ -135,10 +146,13 @@ def _wandering_beside(
     for wander in named_wanders(search.scene, tried):
         h = search.wandering(base, wander, extra, grid)
         _, amplitude, length = h.wanders[-1]
-        if wander is CLOUD and repeats(search.scene, base.fit, wander, amplitude, length).contradict:
+        told = repeats(search.scene, base.fit, wander, amplitude, length) if wander is CLOUD else None
+        if told and told.contradict:
             found.contradicted[wander.name] = "readings of one direction at several moments of a test do not show it"
-        else:
-            kept.append(h)
+            continue
+        if told and told.gain > SHOWN:
+            found.shown.add(wander.name)
+        kept.append(h)
     return kept
 
 

@@ -9,6 +9,7 @@ from scipy.special import gammaln
 
 from analysis.explain import wander as w
 from analysis.explain.fit import Fit
+from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.noise import Whitener
 from analysis.explain.scene import Scene
@@ -21,8 +22,10 @@ SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05,
 _SIZES = (0.03, 0.10, 0.30)
 _ODD = 4.5
 """A reading this many standard deviations from what all others say of it is odd."""
-_USUAL_ODD = 30.0
-"""Evidence [nats] for odd readings that the steep edges of a lens's images make where nothing was left out."""
+_USUAL_ODD = 25.0
+"""Evidence [nats] for odd readings that a lens's images make where nothing was left out."""
+_EDGE_DEG = 0.7
+"""By how much the edges of a lens's images may be misplaced [deg]."""
 _FEW = 0.04
 """At most this share of the readings can be odd; more are a shape of their own."""
 
@@ -73,7 +76,9 @@ def odd_readings(scene: Scene, fit: Fit, whitener: Whitener) -> tuple[w.Wander, 
     count = len(scene.readings)
     inverse_root = whitener.whitened(np.eye(count))
     others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
-    alone = np.abs(others_say) / np.sqrt(np.sum(inverse_root**2, axis=0))
+    precision = np.sum(inverse_root**2, axis=0)
+    edge = (_EDGE_DEG * steepness(scene)) ** 2  # where a lens's image is steep, a reading may be off by itself
+    alone = np.abs(others_say) / precision / np.sqrt(1.0 / precision + edge)
     odd = np.flatnonzero(alone > _ODD)
     if len(odd) == 0:
         return None

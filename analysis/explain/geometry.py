@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 
 from analysis.cases.model import Aperture, Floats
-from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.explain.fields import C_DEG, GAMMA_DEG, Sampler, solid_angle
 from analysis.explain.scene import Scene
 from labdaq import directions
 
@@ -44,6 +44,22 @@ def blurred(scene: Scene, field: Floats, sigma_deg: float) -> Floats:
     flat = field.reshape(len(field), -1).T
     low, high = _blur_matrix(float(at[k])) @ flat, _blur_matrix(float(at[k + 1])) @ flat
     return np.asarray(((1 - w) * low + w * high).T.reshape(field.shape))
+
+
+def turned(field: Floats, axes: Floats, degrees: Floats) -> Floats:
+    """Each test's field (T, P, G) turned as a whole about an axis (T, 3) through the aperture by an angle (T,) [deg].
+
+    Light that would come from above the horizon is read at the horizon.
+    """
+    v = grid_vectors()
+    made = np.empty_like(field)
+    for t, (axis, angle) in enumerate(zip(axes, np.radians(degrees), strict=True)):
+        # the light now seen at v came out at v turned back (Rodrigues' formula)
+        along = (v @ axis)[:, None] * axis
+        back = np.cos(angle) * v - np.sin(angle) * np.cross(axis, v) + (1.0 - np.cos(angle)) * along
+        gamma, c = directions.gamma_c(back)
+        made[t] = Sampler(np.full(len(v), t), np.minimum(gamma, 90.0), c)(field).reshape(field.shape[1:])
+    return made
 
 
 def bilinear(gamma_deg: Floats, c_deg: Floats) -> sparse.csr_matrix:

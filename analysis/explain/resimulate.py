@@ -34,7 +34,7 @@ LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
-MINUTES: Final = (-20.0, -6.0, 6.0, 20.0)
+MINUTES: Final = (-15.0, -5.0, 5.0, 15.0)
 
 RAYS: Final = 45_000
 MORE_RAYS: Final = 160_000
@@ -127,8 +127,8 @@ class _Tracing:
 
     def near_over_far(self) -> Field:
         """See `Retracings`."""
-        far = self._spread({name: run.baseline.far for name, run in self._runs.items()})
-        near = self._spread({name: run.baseline.near for name, run in self._runs.items()})
+        far = self._spread({name: run.baseline.far for name, run in self._precise.items()})
+        near = self._spread({name: run.baseline.near for name, run in self._precise.items()})
         return ratio(near[0], far[0]), ratio(near[1], far[1])
 
     # what is traced

@@ -11,6 +11,7 @@ from analysis.cases.model import Floats, Goniometer
 from analysis.explain.fields import Fields, Sampler, fields_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.retrace import Retraced
+from labdaq import directions
 
 _TRUST = (0.2, 5.0)  # how far a record's own prediction may differ from the field read at its direction
 
@@ -85,6 +86,17 @@ class Scene:
     def is_sky(self) -> NDArray[np.bool_]:
         """Rows of luminance meters and cameras; shape (N,)."""
         return np.asarray(self.readings.kind == SKY)
+
+    @cached_property
+    def knows_image(self) -> bool:
+        """Whether the sun part is known apart, and where the sun stood in every test."""
+        r = self.readings
+        return bool(r.has_parts and np.all(np.isfinite(r.altitude_deg)) and np.all(np.isfinite(r.azimuth_deg)))
+
+    @cached_property
+    def sun_vectors(self) -> Floats:
+        """Unit vectors to the sun in each test; shape (T, 3)."""
+        return directions.sky_vector(self.readings.altitude_deg, self.readings.azimuth_deg)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:

@@ -75,7 +75,8 @@ class Mechanism:
     Class attributes ``id``, ``stage``, ``leaves_out`` (what a prediction without it leaves out), ``parameters``,
     ``needs`` (what a case must bring), ``source`` (paper, standard, manual), ``tie_breaker`` (a cheap measurement
     that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
-    formula), ``form_error`` (how wrong the form itself may be, relative to the effect).
+    formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``like_a_lens`` (its effect
+    looks like that of a lens simulated a little wrong, which every lens is).
     """
 
     id: ClassVar[str]
@@ -88,6 +89,7 @@ class Mechanism:
     kinds: ClassVar[tuple[str, ...]] = ("goniometer",)
     random: ClassVar[bool] = False
     form_error: ClassVar[float] = 0.08
+    like_a_lens: ClassVar[bool] = False
 
     def why_not(self, scene: Scene) -> str:
         """Why this case cannot be tried for the mechanism; empty when it can."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import expn
 
 from analysis.cases.model import Floats
+from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
@@ -57,6 +58,17 @@ class _Retraced(Mechanism):
 
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
+)
+
+
+_IMAGE_TURN = Parameter(
+    "rotation_deg",
+    "deg",
+    "turn of the pattern, counter-clockwise from above",
+    -45.0,
+    45.0,
+    12.0,
+    (-20.0, -7.0, 7.0, 20.0),
 )
 
 
@@ -121,6 +133,8 @@ class LensHaze(_Retraced):
 class LensAnisotropy(_Retraced):
     """An isotropic lens was simulated; the real one is not."""
 
+    like_a_lens = True
+
     id = "lens-anisotropy"
     stage = Stage.OPTICS
     leaves_out = "The lens was simulated as isotropic; its pattern of prisms sends light along its own axes."
@@ -132,6 +146,8 @@ class LensAnisotropy(_Retraced):
 
 class LensOrientation(_Retraced):
     """The lens pattern lies turned or mirrored."""
+
+    like_a_lens = True
 
     id = "lens-orientation"
     stage = Stage.OPTICS
@@ -147,9 +163,38 @@ class LensOrientation(_Retraced):
             (20.0, 90.0),
         ),
     )
-    needs = "a variant, or the systems' description"
-    source = "re-simulation; report test 15 and chapter 9"
+    needs = "a variant, or the systems' description, or the sun's angles"
+    source = (
+        "re-simulation; small turns also as a turn of the sun's image about its middle; report test 15 and chapter 9"
+    )
     tie_breaker = "turn the skylight by 90°"
+
+    def why_not(self, scene: Scene) -> str:
+        """Something must be had of re-simulation and the sun's image."""
+        return "" if scene.readings.has_parts or self.branches(scene) else _NO_VARIANT
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """As re-simulated, and by turning the sun's image about its middle."""
+        image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
+        return (*super().branches(scene), *image)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """An image is turned by less than its own symmetry."""
+        return (_IMAGE_TURN,) if isinstance(branch.value, str) else super().parameters_in(scene, branch)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Turn the image, or change both parts as the re-simulation did."""
+        if not isinstance(branch.value, str):
+            super().illuminate(scene, light, p, branch)
+            return
+        middle = -scene.sun_vectors  # the light goes on away from the sun; seen from above, turns go the other way
+        light.sun = turned(light.sun, -middle, np.full(len(middle), float(p[0])))
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how far."""
+        if not isinstance(branch.value, str):
+            return super().statement(p, branch)
+        return f"The lens pattern is turned by {p[0]:+.1f}° (counter-clockwise from above) against the simulated one."
 
 
 class Soiling(Mechanism):
@@ -230,6 +275,8 @@ class BounceTruncation(_Retraced):
 
 class WallScatter(_Retraced):
     """The specular wall scatters a little."""
+
+    like_a_lens = True
 
     id = "wall-scatter"
     stage = Stage.WELL

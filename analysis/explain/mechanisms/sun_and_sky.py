@@ -61,6 +61,7 @@ class CircumsolarAureole(Mechanism):
     source = "S -> (1-k) S + k (S * Gaussian of the width); Blanc et al. 2014, Solar Energy 110 (circumsolar review)"
     tie_breaker = "a picture of the sun's surroundings through a small shading disc"
     form_error = 0.2
+    like_a_lens = True
 
     def why_not(self, scene: Scene) -> str:
         """The aureole belongs to the sun part."""

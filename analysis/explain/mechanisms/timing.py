@@ -3,10 +3,12 @@
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
+from labdaq import directions
 
 
 class ClockOffset(Mechanism):
@@ -38,11 +40,7 @@ class ClockOffset(Mechanism):
             return "the case gives no site, or the records carry no time"
         if not r.has_parts:
             return "the records do not give the sun and sky parts apart"
-        if (
-            np.any(scene.is_gonio)
-            and not np.any(scene.is_roof)
-            and (scene.retraced is None or not scene.retraced.sun_moves)
-        ):
+        if np.any(scene.is_gonio) and not np.any(scene.is_roof) and not self._of_the_image(scene):
             return (
                 "no variant shows the sun at another time, and the systems are not described well "
                 "enough to simulate one"
@@ -51,9 +49,15 @@ class ClockOffset(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
-        ways = (Branch(),)
+        ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)
         series = scene.kinds == ("roof",) and _series(scene)
         return (*ways, Branch("all daylight", "series")) if series else ways
+
+    @staticmethod
+    def _of_the_image(scene: Scene) -> tuple[Branch, ...]:
+        """The sun's image as re-simulated, and turned as a whole with the sun."""
+        traced = (Branch(),) if scene.retraced is not None and scene.retraced.sun_moves else ()
+        return (*traced, Branch("the image follows the sun", "image")) if scene.knows_image else traced
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """A whole series can only be shifted by a few of its own steps."""
@@ -78,6 +82,9 @@ class ClockOffset(Mechanism):
                 np.radians(np.maximum(r.sun_altitude_at_deg, 0.5))
             )
             light.sun_factor = np.where(scene.is_roof, light.sun_factor * ratio, light.sun_factor)
+        if branch.value == "image":
+            light.sun = _with_the_sun(scene, light.sun, float(p[0]))
+            return
         if np.any(scene.is_gonio) and scene.retraced is not None:
             moved = scene.retraced.sun_later(float(p[0]))
             if moved is not None:
@@ -89,6 +96,18 @@ class ClockOffset(Mechanism):
             f"The clocks differ by {abs(p[0]):.1f} min: the sun stood where it was "
             f"{'later' if p[0] > 0 else 'earlier'} than recorded."
         )
+
+
+def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
+    """The sun part (T, P, G) ``minutes`` later: its image turned by the arc that the sun went."""
+    r = scene.readings
+    middles = [int(r.utc_ns[r.test == k].mean()) if np.any(r.test == k) else 0 for k in range(len(field))]
+    now = directions.sky_vector(*sun_at(r.case, np.array(middles, dtype=np.int64)))
+    later = directions.sky_vector(*sun_at(r.case, np.array(middles, dtype=np.int64) + np.int64(round(minutes * 60e9))))
+    across = np.cross(now, later)
+    sine = np.linalg.norm(across, axis=1)
+    axis = across / np.maximum(sine, 1e-12)[:, None]
+    return turned(field, axis, np.degrees(np.arctan2(sine, np.sum(now * later, axis=1))))
 
 
 def _step_min(scene: Scene) -> float:
