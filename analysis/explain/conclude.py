@@ -10,7 +10,6 @@ import numpy as np
 
 from analysis.explain.families import named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance
-from analysis.explain.noise import GRID
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
 NAME_FIRST = 8.0
@@ -97,7 +96,7 @@ def _widen(search: Search, fit: Fit) -> None:
 
 def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
     tried = {m.id for m in search.mechanisms if m.random}
-    return [search.wandering(nothing, w, (), GRID) for w in named_wanders(search.scene, tried)]
+    return [search.wandering(nothing, w, (), search.fitter.grid) for w in named_wanders(search.scene, tried)]
 
 
 def _grow(search: Search, found: Conclusion) -> None:

@@ -13,7 +13,7 @@ from analysis.cases.model import Floats
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
-from analysis.explain.noise import GRID, Hyper
+from analysis.explain.noise import Hyper
 from analysis.explain.wander import Wander
 from analysis.explain.wander import sphere as _sphere
 
@@ -189,7 +189,7 @@ class Search:
 def best_hypers(fit: Fit, count: int = 4) -> tuple[Hyper, ...]:
     """The grid points that carry most of a fit's evidence."""
     ranked = sorted(fit.hyper_weights, key=lambda h: -fit.hyper_weights[h])
-    return tuple(ranked[:count]) or GRID
+    return tuple(ranked[:count])
 
 
 def _without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:
