@@ -27,15 +27,20 @@ class ClockOffset(Mechanism):
         ),
     )
     needs = "site and times; for the goniometer also the systems (for a new simulation) or a variant"
+    narrow = Parameter(
+        "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
+    )
     source = "S(t + d); sun by NREL SPA (Reda and Andreas 2004)"
     tie_breaker = "log the time of each reading on both clocks"
-    kinds = ("goniometer", "roof")
+    kinds = ("goniometer", "roof", "sky")
 
     def why_not(self, scene: Scene) -> str:
         """The sun must be known at other times."""
         r = scene.readings
         if r.case.setup.site is None or not r.has_times:
             return "the case gives no site, or the records carry no time"
+        if scene.kinds == ("sky",):
+            return ""
         if not r.has_parts:
             return "the records do not give the sun and sky parts apart"
         if (
@@ -58,11 +63,17 @@ class ClockOffset(Mechanism):
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """A whole series can only be shifted by a few of its own steps."""
         if branch.value != "series":
-            return self.parameters
+            return self.parameters if np.any(scene.is_gonio) else (self.narrow,)
         step = _step_min(scene)
         what = "true time minus recorded time"
         starts = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
         return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Turn the sky's pattern with the sun, where luminances were read."""
+        if not np.any(scene.is_sky):
+            return values
+        return np.where(scene.is_sky, values * np.exp(scene.sky_shape.later(float(p[0]))), values)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
