@@ -13,6 +13,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
+from analysis.explain.sky_flux import RINGS_DEG
 
 
 def _roof_channels(scene: Scene) -> tuple[Branch, ...]:
@@ -64,7 +65,10 @@ class MeterTilt(Mechanism):
         ),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "beam: cos(theta_tilt)/cos z; sky: (1 + cos tilt)/2; Wang et al. 2016, Atmos. Meas. Tech. 9; report App. C"
+    source = (
+        "beam: cos(theta_tilt)/cos z; sky: (1 + cos tilt)/2 + sin(tilt) cos(azimuth from the sun) times the sunward "
+        "flow of Perez' sky; Wang et al. 2016, Atmos. Meas. Tech. 9; Perez et al. 1993, Solar Energy 50; report App. C"
+    )
     tie_breaker = "turn the meter's head by 180°"
     kinds = ("goniometer", "roof")
 
@@ -84,10 +88,11 @@ class MeterTilt(Mechanism):
         azimuth = np.radians(scene.readings.sun_azimuth_at_deg)
         towards = (north * np.cos(azimuth) + east * np.sin(azimuth)) / tilt if tilt > 0 else 0.0 * azimuth
         beam = np.maximum(np.cos(tilt) + np.tan(zenith) * np.sin(tilt) * towards, 0.0)
-        sky = (1.0 + np.cos(tilt)) / 2.0
+        even = (1.0 + np.cos(tilt)) / 2.0
         if branch.value is None:
-            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, even)
             return
+        sky = np.maximum(even + np.sin(tilt) * towards * scene.sky_flux.sunward, 0.0)
         acts = _acts(scene, branch)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
@@ -164,7 +169,7 @@ class MeterCosine(Mechanism):
         Parameter("steepness", "1", "power of the growth beyond", 0.4, 6.0, 1.2, (0.8, 2.5), centre=1.3),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "beam (1 + c h(z)), h = ((1 - cos z)/(1 - cos 60°))^k; sky (1 + c mean h); CIE/ISO 19476 f2"
+    source = "beam (1 + c h(z)), h = ((1 - cos z)/(1 - cos 60°))^k; sky (1 + c mean of h over Perez' sky); CIE/ISO 19476 f2"
     tie_breaker = "a lamp turned round the meter's head"
     kinds = ("goniometer", "roof")
 
@@ -180,11 +185,13 @@ class MeterCosine(Mechanism):
         """Weight beam and sky by the response."""
         zenith = np.minimum(scene.sun_zenith_at, np.radians(88.0))
         shape = (2.0 * (1.0 - np.cos(zenith))) ** p[1]
-        mean = 2.0 ** (p[1] + 1.0) / ((p[1] + 1.0) * (p[1] + 2.0))  # of h over a uniform sky, ∫ h 2 cos sin
-        beam, sky = np.maximum(1.0 + p[0] * shape, 0.05), float(max(1.0 + p[0] * mean, 0.05))
+        beam = np.maximum(1.0 + p[0] * shape, 0.05)
         if branch.value is None:
-            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
+            mean = 2.0 ** (p[1] + 1.0) / ((p[1] + 1.0) * (p[1] + 2.0))  # of h over an even sky, ∫ h 2 cos sin
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, float(max(1.0 + p[0] * mean, 0.05)))
             return
+        rings = (2.0 * (1.0 - np.cos(np.radians(RINGS_DEG)))) ** p[1]
+        sky = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
         acts = _acts(scene, branch)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)

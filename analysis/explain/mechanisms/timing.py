@@ -9,6 +9,10 @@ from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 
 
+_BEYOND_AIR_LX = 1.3e5
+"""Illuminance of the sun outside the air [lx]."""
+
+
 class ClockOffset(Mechanism):
     """The recording's clock is off, so that the sun stood elsewhere than the simulation put it."""
 
@@ -30,7 +34,7 @@ class ClockOffset(Mechanism):
     narrow = Parameter(
         "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
     )
-    source = "S(t + d); sun by NREL SPA (Reda and Andreas 2004)"
+    source = "S(t + d), under a steady sky or as the series itself went on; sun by NREL SPA (Reda and Andreas 2004)"
     tie_breaker = "log the time of each reading on both clocks"
     kinds = ("goniometer", "roof", "sky")
 
@@ -84,11 +88,9 @@ class ClockOffset(Mechanism):
             light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
             return
         if np.any(scene.is_roof):
-            later = sun_at(r.case, r.utc_ns + np.int64(round(p[0] * 60e9)))[0]
-            ratio = np.sin(np.radians(np.maximum(later, 0.5))) / np.sin(
-                np.radians(np.maximum(r.sun_altitude_at_deg, 0.5))
-            )
-            light.sun_factor = np.where(scene.is_roof, light.sun_factor * ratio, light.sun_factor)
+            sun, sky = _clear_later(scene, float(p[0]))
+            light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
+            light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
         if np.any(scene.is_gonio) and scene.retraced is not None:
             moved = scene.retraced.sun_later(float(p[0]))
             if moved is not None:
@@ -100,6 +102,24 @@ class ClockOffset(Mechanism):
             f"The clocks differ by {abs(p[0]):.1f} min: the sun stood where it was "
             f"{'later' if p[0] > 0 else 'earlier'} than recorded."
         )
+
+
+def _clear_later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
+    """Sun and sky part under a steady sky ``minutes`` later, over those now; shapes (N,).
+
+    The beam's loss in the air grows with the air mass (Kasten 1966); the sky brightens as the root of the sun's height.
+    """
+    r = scene.readings
+    later = np.maximum(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0], 0.5)
+    now = np.maximum(r.sun_altitude_at_deg, 0.5)
+    height = np.sin(np.radians(later)) / np.sin(np.radians(now))
+    normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
+    lost = -np.log(np.clip(normal / _BEYOND_AIR_LX, 0.02, 0.98))  # through today's air mass, cloud included
+    return height * np.exp(-lost * (_air_mass(later) / _air_mass(now) - 1.0)), np.sqrt(height)
+
+
+def _air_mass(altitude_deg: Floats) -> Floats:
+    return np.asarray(1.0 / (np.sin(np.radians(altitude_deg)) + 0.15 * (altitude_deg + 3.885) ** -1.253))
 
 
 def _step_min(scene: Scene) -> float:
