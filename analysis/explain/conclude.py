@@ -49,6 +49,8 @@ class Conclusion:
         Unnamed families that still gain beside the best: (family, nats).
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
+    law_alone
+        The same of a law that is not in the catalogue.
     """
 
     best: Hypothesis
@@ -60,6 +62,7 @@ class Conclusion:
     indistinguishable: list[tuple[str, str]] = field(default_factory=list)
     unnamed: list[tuple[Hypothesis, float]] = field(default_factory=list)
     unnamed_alone: float = 0.0
+    law_alone: float = -np.inf
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
 
@@ -79,7 +82,7 @@ def conclude(search: Search) -> Conclusion:
     _look_for_unnamed(search, found)
     _decide(found, few)
     if found.best.ids:
-        _widen(search, found.best.fit)
+        _widen(search, found)
     return found
 
 
@@ -88,10 +91,12 @@ def _few(search: Search) -> float:
     return float(np.clip(np.sqrt(len(search.scene.readings) / 1000.0), 0.25, 1.0))
 
 
-def _widen(search: Search, fit: Fit) -> None:
+def _widen(search: Search, found: Conclusion) -> None:
     """Let the parameters' uncertainties hold what the forms themselves have wrong."""
-    whitener = search.fitter.whitener(fit.hyper, search.form_error(fit))
-    fit.covariance = posterior_covariance(whitener, fit)
+    fit = found.best.fit
+    random = tuple(w.extra(search.scene, a, x) for w, a, x in found.best.wanders)
+    whitener = search.fitter.whitener(fit.hyper, (*search.form_error(fit), *random))
+    fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
 
 
 def _wandering_singles(search: Search, nothing: Hypothesis) -> list[Hypothesis]:
@@ -154,6 +159,7 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
         base = search.reweighed(found.nothing, (), grid)
         gains = [search.wandering(found.nothing, f, (), grid).evidence - base for f in unnamed_wanders(search.scene)]
         found.unnamed_alone = max(gains, default=0.0)
+        found.law_alone = max((h.evidence - found.nothing.evidence for h in search.laws()), default=-np.inf)
 
 
 def _decide(found: Conclusion, few: float) -> None:
@@ -163,7 +169,7 @@ def _decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED:
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
-    elif found.unnamed_alone > gain + UNNAMED:
+    elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"
@@ -187,7 +193,7 @@ def _probabilities(found: Conclusion) -> None:
     top = found.best.evidence
     logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
     for h in found.singles:
-        logs[h.ids] = h.evidence
+        logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
     left = found.unnamed[0][1] if found.unnamed else 0.0
     logs[found.best.ids] = top + max(left, 0.0)  # what is left beside it does not speak against it
     logs[("unnamed",)] = (
@@ -201,7 +207,7 @@ def _probabilities(found: Conclusion) -> None:
     found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
     if found.best.ids and len(found.best.ids) == 1:
         for h in found.singles[1:]:
-            if found.singles[0].evidence - h.evidence < APART:
+            if h.ids != found.best.ids and found.singles[0].evidence - h.evidence < APART:
                 found.indistinguishable.append((found.best.ids[0], h.ids[0]))
 
 

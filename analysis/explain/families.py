@@ -7,13 +7,20 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 import numpy as np
 
 from analysis.explain import wander as w
+from analysis.explain.mechanisms.base import Mechanism
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.sluggish import Sluggish
 from analysis.explain.scene import Scene
 
 CLOUD = w.Wander(
     "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
 )
 SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
+
+UNREST = w.Wander(
+    "clock-offset", "time, under broken cloud", w.in_broken_cloud, (0.12, 0.25, 0.5, 1.0, 2.0), (1.0,), BY_ID["clock-offset"]
+)
+"""Two clocks that differ under broken cloud: what the clouds did in the meantime is not known (amplitude: root of min)."""
 
 _SIZES = (0.03, 0.10, 0.30)
 
@@ -45,6 +52,8 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
             )
     else:
         found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (0.7,)))
+        if r.has_times:
+            found.append(w.Wander("factor by time of day", "the time of day", w.in_time_of_day, _SIZES, (80.0,)))
     suns = np.isfinite(r.altitude_deg) & np.isfinite(r.azimuth_deg)
     if tests > 2 and np.all(suns) and r.has_parts:
         found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, _SIZES, (12.0,)))
@@ -53,3 +62,8 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
     if r.has_times and tests > 3:
         found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
     return tuple(found)
+
+
+def laws_of(scene: Scene) -> tuple[Mechanism, ...]:
+    """Laws that have no name in the catalogue and yet a formula: rivals that keep a name from being forced."""
+    return tuple(law for law in (Sluggish(),) if not law.why_not(scene))

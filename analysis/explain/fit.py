@@ -54,6 +54,8 @@ class Fit:
         Natural log of the probability of the readings, up to a constant of the case.
     hyper
         The grid point that carries most of the evidence.
+    spread : shape (P, P)
+        Variance between ways of the same mechanism that the readings do not decide; ``None`` without them.
     """
 
     terms: tuple[Term, ...]
@@ -65,6 +67,7 @@ class Fit:
     log_evidence: float = -np.inf
     hyper: Hyper = GRID[0]
     hyper_weights: dict[Hyper, float] = field(default_factory=dict)
+    spread: Floats | None = None
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

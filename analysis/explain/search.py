@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.families import UNREST, laws_of
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
@@ -47,7 +48,8 @@ class Hypothesis:
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of its catalogue mechanisms."""
-        return (*self.fit.ids, *(w.name for w, _, _ in self.wanders if w.mechanism is not None))
+        random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
+        return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
 
 
 class Search:
@@ -85,6 +87,40 @@ class Search:
         fits = {m: self._fit_ways(terms) for m, terms in self._terms.items()}
         self.fitter.weigh([f for ways in fits.values() for f in ways])
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
+        if self.scene.kinds == ("roof",):
+            found += [self._restless(h) for h in found if h.ids == (UNREST.name,)]
+        return sorted(found, key=lambda h: -h.evidence)
+
+    def _restless(self, clock: Hypothesis) -> Hypothesis:
+        """A clock's offset with what broken cloud did in the meantime; it stands beside the offset alone.
+
+        The scatter that an offset leaves under cloud says how long it was: the offset's prior follows the scatter's size.
+        """
+        made = []
+        for root_min in UNREST.amplitudes:
+            extra = (UNREST.extra(self.scene, root_min, 1.0),)
+            for way in self._terms[UNREST.name]:
+                about = root_min**2
+                p = replace(way.parameters[0], low=-5 * about, high=5 * about, sigma=about, starts=(-about, about))
+                for start in p.starts:
+                    fit = self.fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
+                    self.fitter.weigh([fit], extra)
+                    made.append(Hypothesis(fit, fit.log_evidence, ((UNREST, root_min, 1.0),)))
+        logs = np.array([h.evidence for h in made])
+        best = max(made, key=lambda h: h.evidence)
+        off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
+        shares = np.exp(logs - np.logaddexp.reduce(logs))
+        about = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
+        best.fit.spread = np.array([[float(shares @ (off**2 + about**2))]])  # and earlier or later is often left open
+        return replace(best, evidence=float(np.logaddexp.reduce(logs) - np.log(len(made))))
+
+    def laws(self) -> list[Hypothesis]:
+        """Laws without a name in the catalogue, best first: rivals that speak against a name, never names themselves."""
+        found = []
+        for law in laws_of(self.scene):
+            fits = self._fit_ways(terms_of(law, self.scene))
+            self.fitter.weigh(fits)
+            found.append(self._joined(fits, len(fits)))
         return sorted(found, key=lambda h: -h.evidence)
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
@@ -158,7 +194,7 @@ class Search:
     def least_effect(self, hypothesis: Hypothesis) -> float:
         """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed."""
         fit, r = hypothesis.fit, self.scene.readings
-        sizes = [amplitude for wander, amplitude, _ in hypothesis.wanders if wander.mechanism is not None]
+        sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
         with_it = predict(self.scene, fit.terms, fit.theta)
         for k in range(len(fit.terms)):
             change = (with_it - predict(self.scene, *_without(fit, k))) / r.scale

@@ -13,11 +13,15 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra
 from analysis.explain.mechanisms.base import Mechanism
+from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.scene import Scene
 from labdaq import directions
 
 Columns = Callable[[Scene, float], Floats]
 """Independent unit effects (N, K) of a random function with a correlation length, on a scene's rows."""
+
+
+_RESTLESS_ROWS = 250
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,28 @@ def in_scan_order(scene: Scene, seconds: float) -> Floats:
     np.minimum.at(began, r.test, t)
     since = t - began[r.test]
     return smooth(since, np.arange(-seconds, since.max() + seconds, 0.7 * seconds), seconds) * loud(scene)[:, None]
+
+
+def in_time_of_day(scene: Scene, minutes: float) -> Floats:
+    """A factor that is a smooth random function of the time of day, the same on all days and channels."""
+    t = scene.readings.utc_ns / 6e10
+    site = scene.readings.case.setup.site
+    local = (t + (4.0 * site.longitude_deg if site is not None else 0.0)) % 1440.0  # mean solar time
+    nodes = np.arange(local.min() - minutes, local.max() + minutes, 0.7 * minutes)
+    return smooth(local, nodes, minutes) * loud(scene)[:, None]
+
+
+def in_broken_cloud(scene: Scene, _: float) -> Floats:
+    """Independent errors, as large as daylight wanders in a minute: two instruments that do not read at one moment.
+
+    Only the most restless rows: beyond a few hundred they cost time and tell nothing more.
+    """
+    restless = unrest(scene) * loud(scene)
+    rows = np.argsort(-restless)[:_RESTLESS_ROWS]
+    rows = rows[restless[rows] > 0.0]
+    columns = np.zeros((len(restless), len(rows)))
+    columns[rows, np.arange(len(rows))] = restless[rows]
+    return columns
 
 
 def in_hours(scene: Scene, minutes: float) -> Floats:

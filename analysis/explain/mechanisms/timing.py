@@ -9,6 +9,8 @@ from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 
 
+_CLEAR_LOSS = 0.25
+"""Optical depth of clear air, to divide out the sun's way."""
 _BEYOND_AIR_LX = 1.3e5
 """Illuminance of the sun outside the air [lx]."""
 
@@ -61,7 +63,7 @@ class ClockOffset(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
         ways = (Branch(),)
-        series = scene.kinds == ("roof",) and _series(scene)
+        series = scene.kinds == ("roof",) and series_of(scene)
         return (*ways, Branch("all daylight", "series")) if series else ways
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
@@ -125,11 +127,11 @@ def _air_mass(altitude_deg: Floats) -> Floats:
 def _step_min(scene: Scene) -> float:
     """Usual time between readings of a channel [min]."""
     r = scene.readings
-    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in _series(scene)]
+    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in series_of(scene)]
     return float(np.median(np.concatenate(steps))) / 60e9
 
 
-def _series(scene: Scene) -> list[tuple[int, int]]:
+def series_of(scene: Scene) -> list[tuple[int, int]]:
     """Tests and channels whose readings make a series."""
     r = scene.readings
     pairs, counts = np.unique(np.stack([r.test, r.channel], axis=1), axis=0, return_counts=True)
@@ -137,13 +139,62 @@ def _series(scene: Scene) -> list[tuple[int, int]]:
 
 
 def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
-    """Sun and sky part ``minutes`` later over those now, from the predicted series itself; shapes (N,)."""
+    """Sun and sky part ``minutes`` later over those now; shapes (N,).
+
+    What the air lets through is read from the predicted series itself; the sun's way is added as under a steady sky, so
+    that the ends of a series, where nothing is known of later clouds, still move with the sun.
+    """
     r = scene.readings
-    sun, sky = np.ones(len(r)), np.ones(len(r))
-    for k, c in _series(scene):
+    sun, sky = (part.copy() for part in _clear_later(scene, minutes))
+    passed = (r.sun / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.sky)
+    for k, c in series_of(scene):
         rows = np.flatnonzero((r.test == k) & (r.channel == c))
         rows = rows[np.argsort(r.utc_ns[rows])]
-        t = r.utc_ns[rows] / 60e9
-        for factor, part in ((sun, r.sun[rows]), (sky, r.sky[rows])):
-            factor[rows] = np.interp(t + minutes, t, part) / np.maximum(part, 1e-9 * max(float(part.max()), 1e-9))
+        t = r.utc_ns[rows] / 6e10
+        then = sun_at(r.case, r.utc_ns[rows] + np.int64(round(minutes * 60e9)))[0]
+        beam = _clear_beam(then) / np.maximum(_clear_beam(r.sun_altitude_at_deg[rows]), 1e-9)
+        inside = (t + minutes >= t[0]) & (t + minutes <= t[-1])
+        for factor, part, way in ((sun, passed[0][rows], beam), (sky, passed[1][rows], 1.0)):
+            floor = 1e-9 * max(float(part.max()), 1e-9)
+            moved = way * _moved(t, part, minutes) / np.maximum(part, floor)
+            factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
     return sun, sky
+
+
+def _moved(t: Floats, part: Floats, minutes: float) -> Floats:
+    """A series ``minutes`` later; for less than a step by its slope across the neighbours.
+
+    Straight lines between points would take each point's own noise off for the smallest move: any noisy prediction would
+    then gain from an offset.
+    """
+    step = float(np.median(np.diff(t)))
+    far = min(abs(minutes) / max(step, 1e-9), 1.0)
+    return np.asarray((1.0 - far) * (part + minutes * np.gradient(part, t)) + far * np.interp(t + minutes, t, part))
+
+
+def _clear_beam(altitude_deg: Floats) -> Floats:
+    """Horizontal beam under clear air, up to a constant; (N,)."""
+    height = np.maximum(altitude_deg, 0.5)
+    return np.asarray(np.sin(np.radians(height)) * np.exp(-_CLEAR_LOSS * _air_mass(height)))
+
+
+def unrest(scene: Scene) -> Floats:
+    """How fast the predicted daylight wanders under broken cloud: ln per root of a minute at each row; (N,).
+
+    From the second differences of a series, which the sun's even way leaves near zero: for a random walk their mean
+    square is twice that of the steps, and grows with the time between readings. Zero where there is no series.
+    """
+    r = scene.readings
+    found = np.zeros(len(r))
+    for k, c in series_of(scene):
+        rows = np.flatnonzero((r.test == k) & (r.channel == c))
+        rows = rows[np.argsort(r.utc_ns[rows])]
+        if len(rows) < 4:
+            continue
+        level = np.log(np.maximum(r.simulated[rows], r.floor[rows]))
+        step = np.maximum(np.diff(r.utc_ns[rows]) / 6e10, 1e-3)
+        rate = np.diff(level, n=2) ** 2 / (step[:-1] + step[1:])
+        middle = np.arange(1, len(rows) - 1)
+        near = np.exp(-0.5 * (np.arange(len(rows))[:, None] - middle[None, :]) ** 2)
+        found[rows] = np.sqrt(near @ rate / near.sum(axis=1))
+    return found
