@@ -49,6 +49,8 @@ class Conclusion:
         Unnamed families that still gain beside the best: (family, nats).
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
+    one_instrument
+        Whether only a meter or a camera was read, no goniometer.
     law_alone
         The same of a law that is not in the catalogue.
     """
@@ -63,6 +65,7 @@ class Conclusion:
     unnamed: list[tuple[Hypothesis, float]] = field(default_factory=list)
     unnamed_alone: float = 0.0
     law_alone: float = -np.inf
+    one_instrument: bool = False
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
 
@@ -73,6 +76,7 @@ def conclude(search: Search) -> Conclusion:
     singles = search.singles() + _wandering_singles(search, nothing)
     singles.sort(key=lambda h: -h.evidence)
     found = Conclusion(best=nothing, nothing=nothing, singles=singles)
+    found.one_instrument = not bool(np.any(search.scene.is_gonio))
     few = _few(search)
     needs = {True: few * NAME_FIRST_RANDOM, False: NAME_FIRST}
     named = [h for h in singles if h.evidence - nothing.evidence > needs[bool(h.wanders)]]
@@ -195,10 +199,15 @@ def _probabilities(found: Conclusion) -> None:
     for h in found.singles:
         logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
     left = found.unnamed[0][1] if found.unnamed else 0.0
-    logs[found.best.ids] = top + max(left, 0.0)  # what is left beside it does not speak against it
+    # what is left beside it does not speak against it; where one instrument was read it would fit beside others as well
+    shared = max(left, 0.0)
+    beside = 0.0 if found.one_instrument else shared
+    logs[found.best.ids] = top + beside
     logs[("unnamed",)] = (
         found.nothing.evidence + max(found.unnamed_alone, 0.0 if found.best.ids else left) - np.log(4.0)
     )
+    if found.best.ids and found.one_instrument:
+        logs[("unnamed",)] -= shared
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))
     ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])

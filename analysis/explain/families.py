@@ -9,8 +9,8 @@ import numpy as np
 from analysis.explain import wander as w
 from analysis.explain.mechanisms.base import Mechanism
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.sluggish import Sluggish
 from analysis.explain.scene import Scene
+from analysis.explain.sluggish import Sluggish
 
 CLOUD = w.Wander(
     "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
@@ -18,9 +18,14 @@ CLOUD = w.Wander(
 SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
 
 UNREST = w.Wander(
-    "clock-offset", "time, under broken cloud", w.in_broken_cloud, (0.12, 0.25, 0.5, 1.0, 2.0), (1.0,), BY_ID["clock-offset"]
+    "clock-offset",
+    "time, under broken cloud",
+    w.in_broken_cloud,
+    (0.12, 0.25, 0.5, 1.0, 2.0),
+    (1.0,),
+    BY_ID["clock-offset"],
 )
-"""Two clocks that differ under broken cloud: what the clouds did in the meantime is not known (amplitude: root of min)."""
+"""Two clocks that differ under broken cloud: what it did in the meantime is not known (amplitude: root of min)."""
 
 _SIZES = (0.03, 0.10, 0.30)
 

@@ -55,10 +55,10 @@ GRID: Final = tuple(Hyper(a, b, c) for a, b, c in product((0.4, 0.9, 2.0, 4.5), 
 GRID_OF_ROOF: Final = tuple(Hyper(a, b) for a, b in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5)))
 """On the roof there is no lens."""
 GRID_OF_SKY: Final = tuple(
-    Hyper(a, b, c) for a, b, c in product((0.25, 0.8, 2.0, 4.5), (0.3, 1.0, 3.0, 9.0), (0.4, 1.2, 3.0))
+    Hyper(a, b, c) for a, b, c in product((0.25, 0.8, 2.0, 4.5), (0.3, 1.0, 3.0, 9.0, 25.0), (0.4, 1.2, 3.0))
 )
-"""A prediction of the sky is a second instrument (right to a per cent) or a sky model (ten times less); ``lens`` is what
-all pictures of one camera have in common."""
+"""A prediction of the sky is a second instrument (right to a per cent) or a sky model (to ten); ``lens`` is what all
+pictures of one camera have in common."""
 
 
 def grid_of(readings: Readings) -> tuple[Hyper, ...]:
@@ -76,7 +76,9 @@ class Usual:
     scatter: float  # unexplained scatter from record to record
     gain: float  # of a test
     level: float  # of a system (transmittance) or an instrument (absolute scale)
-    restless: float = 0.0  # further gain of a test, growing with the scatter: two instruments never look at the same time
+    restless: float = (
+        0.0  # further gain of a test, growing with the scatter: two instruments never look at the same time
+    )
 
 
 USUAL: Final = {
@@ -139,7 +141,11 @@ def blocks_of(readings: Readings) -> tuple[Block, ...]:
 
 _WIDTHS: Final = {
     GONIOMETER: ((0.25, 9.0), (0.35, 17.0), (0.4, 46.0)),
-    SKY: ((0.4, 10.0), (0.4, 18.0), (0.2, 46.0)),  # clouds and the sun's surroundings are small, a wrong sky type is not
+    SKY: (
+        (0.4, 10.0),
+        (0.4, 18.0),
+        (0.2, 46.0),
+    ),  # clouds and the sun's surroundings are small, a wrong sky type is not
 }
 
 

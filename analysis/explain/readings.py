@@ -79,9 +79,7 @@ class Readings:
         open_to_sun = np.abs(self.simulated - total) <= np.abs(self.simulated - diffuse)
         sun = self.simulated * np.where(open_to_sun, np.clip(1.0 - diffuse / total, 0.0, 1.0), 0.0)
         fill = (self.kind == ROOF) & np.isnan(self.sun) & np.isfinite(sun)
-        return replace(
-            self, sun=np.where(fill, sun, self.sun), sky=np.where(fill, self.simulated - sun, self.sky)
-        )
+        return replace(self, sun=np.where(fill, sun, self.sun), sky=np.where(fill, self.simulated - sun, self.sky))
 
     def __len__(self) -> int:
         return len(self.row)

@@ -94,7 +94,7 @@ class Search:
     def _restless(self, clock: Hypothesis) -> Hypothesis:
         """A clock's offset with what broken cloud did in the meantime; it stands beside the offset alone.
 
-        The scatter that an offset leaves under cloud says how long it was: the offset's prior follows the scatter's size.
+        The scatter that an offset leaves under cloud says how long it was: the offset's prior follows its size.
         """
         made = []
         for root_min in UNREST.amplitudes:
@@ -110,12 +110,12 @@ class Search:
         best = max(made, key=lambda h: h.evidence)
         off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
         shares = np.exp(logs - np.logaddexp.reduce(logs))
-        about = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
-        best.fit.spread = np.array([[float(shares @ (off**2 + about**2))]])  # and earlier or later is often left open
+        sizes = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
+        best.fit.spread = np.array([[float(shares @ (off**2 + sizes**2))]])  # and earlier or later is often left open
         return replace(best, evidence=float(np.logaddexp.reduce(logs) - np.log(len(made))))
 
     def laws(self) -> list[Hypothesis]:
-        """Laws without a name in the catalogue, best first: rivals that speak against a name, never names themselves."""
+        """Laws without a name in the catalogue, best first: they speak against names, and never are names."""
         found = []
         for law in laws_of(self.scene):
             fits = self._fit_ways(terms_of(law, self.scene))
@@ -181,14 +181,15 @@ class Search:
         r = self.scene.readings
         parts = []
         for k, term in enumerate(fit.terms):
-            if term.mechanism.form_error <= 0:
+            form_error = term.mechanism.form_error_in(self.scene)
+            if form_error <= 0:
                 continue
             others, theta = _without(fit, k)
             with_it = r.stretched(predict(self.scene, fit.terms, fit.theta))
             change = with_it - r.stretched(predict(self.scene, others, theta))
             by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
             shape = np.concatenate([_sphere(self.scene, 40.0), by_test], axis=1) / np.sqrt(2.0)
-            parts.append(term.mechanism.form_error * change[:, None] * shape)
+            parts.append(form_error * change[:, None] * shape)
         return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
     def least_effect(self, hypothesis: Hypothesis) -> float:

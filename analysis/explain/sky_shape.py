@@ -16,7 +16,7 @@ from labdaq import directions
 _KIND_OF_SKY = {"clear": 12, "partly-cloudy": 8, "overcast": 1, None: 8}
 _SCATTER = 0.05
 """Relative scatter of a prediction about a smooth sky."""
-_PRIOR = np.array([2.0, 0.5, 0.5, 0.7, 0.7, 0.4])
+_PRIOR = np.array([2.0, 1.0, 1.0, 2.0, 2.0, 2.0, 0.7])
 """How far a sky may differ from its standard, per term of `_terms`."""
 _BRIGHTENS = 0.5
 """The sky grows as this power of the sine of the sun's height (clear: .4 to .6; Kittler et al. 1998)."""
@@ -30,7 +30,7 @@ class SkyShape:
     ----------
     kind : shape (N,)
         Standard sky of each row's test.
-    bent : shape (N, 6)
+    bent : shape (N, 7)
         Coefficients of the smooth terms that bend it.
     sun_altitude_deg, sun_azimuth_deg : shape (N,)
     """
@@ -46,7 +46,7 @@ class SkyShape:
         """Fit the skies of all tests to the predictions."""
         r = readings
         kinds = np.array([_KIND_OF_SKY[t.sky] for t in r.case.tests], dtype=np.int64)
-        shape = cls(r, kinds[r.test], np.zeros((len(r), 6)), r.sun_altitude_at_deg, r.sun_azimuth_at_deg)
+        shape = cls(r, kinds[r.test], np.zeros((len(r), 7)), r.sun_altitude_at_deg, r.sun_azimuth_at_deg)
         v = towards(r)
         sun = directions.sky_vector(shape.sun_altitude_deg, shape.sun_azimuth_deg)
         left = np.log(np.maximum(r.simulated, 1e-9)) - shape._standard(v, shape.sun_altitude_deg, sun)
@@ -118,8 +118,8 @@ def towards(r: Readings) -> Floats:
 
 
 def _terms(v: Floats, sun: Floats) -> Floats:
-    """Smooth terms that bend a standard sky: by height, and by the distance from the sun; (N, 6)."""
+    """Smooth terms that bend a standard sky: by height, and by the distance from the sun; (N, 7)."""
     away = directions.angle_between(v, sun)
     low = 1.0 - np.clip(v[:, 2], 0.0, 1.0)
-    near, wide = np.exp(-away / 15.0), np.exp(-away / 45.0)
-    return np.stack([low, low**2, low**4, near, wide, np.cos(np.radians(away)) ** 2], axis=1)
+    rings = [np.exp(-away / width) for width in (12.0, 25.0, 60.0)]
+    return np.stack([low, low**2, low**4, *rings, np.cos(np.radians(away)) ** 2], axis=1)

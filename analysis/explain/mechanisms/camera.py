@@ -217,8 +217,12 @@ class ProjectionError(_CameraMechanism):
         Parameter("shift_deg", "deg", "largest error of the direction, outwards", -12.0, 12.0, 2.0, (-1.0, 1.0)),
     )
     centre = (
-        Parameter("centre_north_deg", "deg", "the picture's true centre, towards north", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)),
-        Parameter("centre_east_deg", "deg", "the picture's true centre, towards east", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)),
+        Parameter(
+            "centre_north_deg", "deg", "the picture's true centre, towards north", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
+        ),
+        Parameter(
+            "centre_east_deg", "deg", "the picture's true centre, towards east", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
+        ),
     )
     needs = "directions and the sun's place"
     source = (
@@ -227,6 +231,7 @@ class ProjectionError(_CameraMechanism):
     )
     tie_breaker = "a picture of marks at known angles, or of the sun over a day"
     wide = True
+    form_error = 0.25  # between the directions of a picture the sky is only guessed
 
     def why_not(self, scene: Scene) -> str:
         """The sky's shape between the directions follows from the sun's place."""

@@ -169,7 +169,9 @@ class MeterCosine(Mechanism):
         Parameter("steepness", "1", "power of the growth beyond", 0.4, 6.0, 1.2, (0.8, 2.5), centre=1.3),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "beam (1 + c h(z)), h = ((1 - cos z)/(1 - cos 60°))^k; sky (1 + c mean of h over Perez' sky); CIE/ISO 19476 f2"
+    source = (
+        "beam (1 + c h(z)), h = ((1 - cos z)/(1 - cos 60°))^k; sky (1 + c mean of h over Perez' sky); CIE/ISO 19476 f2"
+    )
     tie_breaker = "a lamp turned round the meter's head"
     kinds = ("goniometer", "roof")
 

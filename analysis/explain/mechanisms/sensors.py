@@ -98,7 +98,9 @@ class Nonlinearity(Mechanism):
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
     bend = Parameter("bend", "1", "relative error of the brightest reading", -0.4, 0.4, 0.06, (-0.05, 0.05))
-    true_at = Parameter("true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,))
+    true_at = Parameter(
+        "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
+    )
     source = "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); CIE/ISO 19476 f3 (linearity)"
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL

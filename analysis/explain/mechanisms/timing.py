@@ -8,7 +8,6 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 
-
 _CLEAR_LOSS = 0.25
 """Optical depth of clear air, to divide out the sun's way."""
 _BEYOND_AIR_LX = 1.3e5
@@ -60,6 +59,10 @@ class ClockOffset(Mechanism):
             )
         return ""
 
+    def form_error_in(self, scene: Scene) -> float:
+        """Between the directions of a picture the sky is only guessed."""
+        return 0.25 if scene.kinds == ("sky",) else self.form_error
+
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
         ways = (Branch(),)
@@ -83,7 +86,6 @@ class ClockOffset(Mechanism):
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
-        r = scene.readings
         if branch.value == "series":
             sun, sky = _later(scene, float(p[0]))
             light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
@@ -164,8 +166,8 @@ def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
 def _moved(t: Floats, part: Floats, minutes: float) -> Floats:
     """A series ``minutes`` later; for less than a step by its slope across the neighbours.
 
-    Straight lines between points would take each point's own noise off for the smallest move: any noisy prediction would
-    then gain from an offset.
+    Straight lines between points would take off each point's own noise for the smallest move: a noisy prediction would
+    then always gain from an offset.
     """
     step = float(np.median(np.diff(t)))
     far = min(abs(minutes) / max(step, 1e-9), 1.0)
