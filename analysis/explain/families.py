@@ -55,6 +55,12 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
             found.append(
                 w.Wander("factor by direction", "direction in the picture", w.in_direction, _SIZES, (12.0, 35.0))
             )
+            if not np.any(np.isnan(r.sun_azimuth_at_deg)):
+                found.append(
+                    w.Wander(
+                        "factor in the sun's frame", "direction from the sun", w.in_suns_frame, _SIZES, (15.0, 40.0)
+                    )
+                )
     else:
         found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (0.7,)))
         if r.has_times:
@@ -63,7 +69,9 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
     if tests > 2 and np.all(suns) and r.has_parts:
         found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, _SIZES, (12.0,)))
     if r.has_times and np.max(np.bincount(r.test)) >= 20:
-        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, (15.0,)))
+        longest = max(float(np.ptp(r.utc_ns[r.test == k])) / 1e9 for k in np.unique(r.test))
+        steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
+        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, steps))
     if r.has_times and tests > 3:
         found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
     return tuple(found)

@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from analysis.cases.model import Floats
+from analysis.explain.nearness import by_direction, by_time, days_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
-from labdaq import directions
 
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.006
 POINTING_DEG: Final = 0.12
 """Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
-_FORGOTTEN_H: Final = 5.0
 _PLANES: Final = 0.5
 """Variance of what a test's half planes have in common, in shares of its smooth discrepancy's."""
 
@@ -128,52 +127,15 @@ class Block:
 def blocks_of(readings: Readings) -> tuple[Block, ...]:
     """Group rows: goniometer rows by system, roof meters' by channel and day, the sky's by channel and test."""
     r = readings
-    part = np.where(r.kind == SKY, r.test, _days(r))
+    part = np.where(r.kind == SKY, r.test, days_of(r))
     group = np.where(r.kind == GONIOMETER, r.system[r.test], 1_000_000 * (1 + r.channel) + part)
     made = []
     for g in np.unique(group):
         rows = np.flatnonzero(group == g)
         kind = str(r.kind[rows[0]])
-        near = _time_kernel(r, rows) if kind == ROOF else _sphere_kernel(r, rows)
+        near = by_time(r, rows) if kind == ROOF else by_direction(r, rows)
         made.append(Block(kind, rows, r, near))
     return tuple(made)
-
-
-_WIDTHS: Final = {
-    GONIOMETER: ((0.25, 9.0), (0.35, 17.0), (0.4, 46.0)),
-    SKY: (
-        (0.4, 10.0),
-        (0.4, 18.0),
-        (0.2, 46.0),
-    ),  # clouds and the sun's surroundings are small, a wrong sky type is not
-}
-
-
-def _days(r: Readings) -> NDArray[np.int64]:
-    """A number for each stretch of time without a gap of hours, over which nothing is remembered; shape (N,)."""
-    if not r.has_times:
-        return np.zeros(len(r), dtype=np.int64)
-    order = np.argsort(r.utc_ns, kind="stable")
-    number = np.empty(len(r), dtype=np.int64)
-    number[order] = np.cumsum(np.diff(r.utc_ns[order], prepend=r.utc_ns[order[:1]]) > _FORGOTTEN_H * 3.6e12)
-    return number
-
-
-def _sphere_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Squared-exponential correlations of directions, mixed of three widths; rows without one look up."""
-    v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
-    half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
-    near = np.zeros_like(half_chord2)
-    for share, width_deg in _WIDTHS[str(r.kind[rows[0]])]:
-        near += share * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
-    return near
-
-
-def _time_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Correlation over about half an hour and over two; without times, over the order of the rows."""
-    t = r.utc_ns[rows] / 6e10 if r.has_times else 5.0 * np.arange(len(rows))
-    apart = np.abs(t[:, None] - t[None, :])
-    return np.asarray(0.6 * np.exp(-apart / 30.0) + 0.4 * np.exp(-apart / 120.0))
 
 
 class Nuisance:

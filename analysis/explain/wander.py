@@ -189,10 +189,21 @@ def smooth(x: Floats, nodes: Floats, width: float) -> Floats:
     return np.asarray(bumps / np.sqrt(power))
 
 
+def in_suns_frame(scene: Scene, degrees: float) -> Floats:
+    """A factor that is a random function of direction as seen with the sun ahead: it turns with the sun's azimuth."""
+    r = scene.readings
+    turned = np.nan_to_num(r.c_deg) + r.sun_azimuth_at_deg
+    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), turned)
+    return _bumps(v, degrees) * (loud(scene) * ~np.isnan(r.gamma_deg))[:, None]
+
+
 def sphere(scene: Scene, degrees: float) -> Floats:
     """Bumps about nodes spread over the sphere where readings lie; (N, K), unit variance."""
     r = scene.readings
-    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
+    return _bumps(directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg)), degrees)
+
+
+def _bumps(v: Floats, degrees: float) -> Floats:
     count = int(np.ceil(4.0 * np.pi / (0.8 * np.radians(degrees)) ** 2))
     turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))  # Fibonacci sphere
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
