@@ -173,7 +173,7 @@ def _decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED:
         found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
-    elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain:
+    elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain + APART:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"

@@ -180,23 +180,25 @@ class MeterCosine(Mechanism):
         return _why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter."""
-        return _roof_channels(scene)
+        """Each meter, with a diffuser that is wrong or a rim that shades it."""
+        ways = _roof_channels(scene)
+        return (*ways, *(Branch(f"{way.label}, rim", ("rim", way.value)) for way in ways))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weight beam and sky by the response."""
-        zenith = np.minimum(scene.sun_zenith_at, np.radians(88.0))
-        shape = (2.0 * (1.0 - np.cos(zenith))) ** p[1]
-        beam = np.maximum(1.0 + p[0] * shape, 0.05)
-        if branch.value is None:
-            mean = 2.0 ** (p[1] + 1.0) / ((p[1] + 1.0) * (p[1] + 2.0))  # of h over an even sky, ∫ h 2 cos sin
-            light.sun_factor = light.sun_factor * _beam_error(scene, beam, float(max(1.0 + p[0] * mean, 0.05)))
+        rim = isinstance(branch.value, tuple)
+        channel = branch.value[1] if rim else branch.value
+        beam = np.maximum(1.0 + p[0] * _off_normal(scene.sun_zenith_at, rim) ** p[1], 0.05)
+        rings = _off_normal(np.radians(RINGS_DEG), rim) ** p[1]
+        if channel is None:
+            even = np.sin(2.0 * np.radians(RINGS_DEG))
+            sky = max(1.0 + p[0] * float(even @ rings / even.sum()), 0.05)
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
             return
-        rings = (2.0 * (1.0 - np.cos(np.radians(RINGS_DEG)))) ** p[1]
-        sky = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
-        acts = _acts(scene, branch)
+        skies = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
+        acts = scene.is_roof & (scene.readings.channel == channel)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
-        light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
+        light.sky_factor = np.where(acts, light.sky_factor * skies, light.sky_factor)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
@@ -279,3 +281,10 @@ def _compressed(values: Floats, end: float, form: str) -> Floats:
     """Readings of a meter whose response flattens towards ``end``."""
     share = values / end
     return np.asarray(end * share / (1.0 + share) if form == "gradual" else end * -np.expm1(-share))
+
+
+def _off_normal(zenith_rad: Floats, rim: bool) -> Floats:
+    """How far off the normal light comes, 1 at 60°: as a diffuser's response falls, or as a rim's shadow grows."""
+    if rim:
+        return np.asarray(np.tan(np.minimum(zenith_rad, np.radians(85.0))) / np.sqrt(3.0))
+    return np.asarray(2.0 * (1.0 - np.cos(np.minimum(zenith_rad, np.radians(88.0)))))

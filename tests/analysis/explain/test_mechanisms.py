@@ -162,6 +162,15 @@ def _cosine(error: float, steepness: float) -> Floats:
     return BEAM * (1.0 + error * at_sun) + SKY * (1.0 + error * mean)
 
 
+def _shaded(error: float) -> Floats:
+    """A rim's shadow, as long as the tangent of the sun's angle from the zenith, up to 85°."""
+    v, solid, skies = _skies()
+    along = np.tan(np.minimum(np.arccos(v[:, 2]), np.radians(85.0))) / np.tan(np.radians(60.0))
+    mean = skies @ (along * v[:, 2] * solid) / (skies @ (v[:, 2] * solid))
+    at_sun = np.tan(np.radians(np.minimum(90.0 - ALTITUDE, 85.0))) / np.tan(np.radians(60.0))
+    return BEAM * (1.0 + error * at_sun) + SKY * (1.0 + error * mean)
+
+
 def _flattened(share: float) -> Floats:
     """A dead time that takes ``share`` of the brightest reading to first order."""
     return (BEAM + SKY) / (1.0 + share * (BEAM + SKY) / (BEAM + SKY).max())
@@ -179,6 +188,7 @@ def _late(minutes: float) -> Floats:
         ("meter-gain", "velux", (0.04,), 1.04 * (BEAM + SKY), 1e-9),
         ("meter-cosine", "velux", (-0.05, 1.0), _cosine(-0.05, 1.0), 4e-3),
         ("meter-cosine", "velux", (-0.05, 2.7), _cosine(-0.05, 2.7), 4e-3),
+        ("meter-cosine", "velux, rim", (-0.05, 1.0), _shaded(-0.05), 4e-3),
         ("meter-range-limit", "velux", (0.2,), np.minimum(BEAM + SKY, (BEAM + SKY).max() / 1.2), 1e-9),
         (
             "meter-range-limit",
