@@ -73,7 +73,8 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
         steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
         found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, steps))
     if r.has_times and tests > 3:
-        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
+        lengths = (60.0,) if "goniometer" in scene.kinds else (60.0, 6000.0)  # a meter ages over days
+        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, lengths))
     return tuple(found)
 
 

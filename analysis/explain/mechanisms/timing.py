@@ -79,10 +79,15 @@ class ClockOffset(Mechanism):
         return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Turn the sky's pattern with the sun, where luminances were read."""
+        """Turn the sky's pattern with the sun, where luminances were read.
+
+        As with all that a camera does, its clock is meant; where it is the prediction, the meter saw what it did not.
+        """
         if not np.any(scene.is_sky):
             return values
-        return np.where(scene.is_sky, values * np.exp(scene.sky_shape.later(float(p[0]))), values)
+        camera = np.array([c.kind == "camera" for c in scene.readings.case.channels])[scene.readings.channel]
+        change = np.where(camera, 1.0, -1.0) * scene.sky_shape.later(float(p[0]))
+        return np.where(scene.is_sky, values * np.exp(change), values)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""

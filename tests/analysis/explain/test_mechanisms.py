@@ -23,6 +23,7 @@ from tests.analysis.explain.roof import (
     beam_and_sky,
     luminance,
     picture_points,
+    sky_case,
     sun_distance,
     sun_of,
 )
@@ -269,6 +270,15 @@ def test_a_late_camera_sees_the_glow_moved(picture: Scene) -> None:
     for k in (1, 2):  # beside the first, low sun forty places are too few; the last sky is overcast: nothing moves
         seen, wanted = made[40 * k : 40 * k + 40], exact[k]
         assert np.std(seen - seen.mean() - wanted + wanted.mean()) < 0.35 * np.std(wanted)
+
+
+def test_a_late_camera_as_the_prediction_is_taken_off_it(tmp_path: Path) -> None:
+    meter = Scene(Readings.of(sky_case(tmp_path / "meter", kind="luminance-meter")))
+    camera = Scene(Readings.of(sky_case(tmp_path / "camera")))
+    base = camera.readings.simulated
+    one, other = (acted(s, "clock-offset", "", 20.0) / base for s in (camera, meter))
+    assert one * other == pytest.approx(1.0)
+    assert np.ptp(one) > 0.05
 
 
 def test_a_meter_may_be_right_at_any_level(roof: Scene) -> None:
