@@ -67,7 +67,7 @@ def named(e: Explanation) -> list[dict[str, Any]]:
             }
         )
     for wander, amplitude, length in found.best.wanders:
-        if wander.mechanism is None:
+        if wander.mechanism is None or wander.name in fit.ids:
             continue
         p = wander.mechanism.parameters
         rows.append(

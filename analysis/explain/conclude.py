@@ -11,7 +11,7 @@ import numpy as np
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance
 from analysis.explain.mechanisms.base import Term
-from analysis.explain.noise import GRID, Hyper
+from analysis.explain.noise import Hyper
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
@@ -82,6 +82,10 @@ class Conclusion:
         Unnamed structure that still gains beside the best, largest gain first.
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats].
+    one_instrument
+        Whether only a meter or a camera was read, no goniometer.
+    law_alone
+        The same of a law that is not in the catalogue.
     contradicted, shown
         Random effects that repeated readings speak against (and how), and those that they show by themselves.
     """
@@ -95,6 +99,8 @@ class Conclusion:
     indistinguishable: list[tuple[str, str]] = field(default_factory=list)
     unnamed: list[Unnamed] = field(default_factory=list)
     unnamed_alone: float = 0.0
+    law_alone: float = -np.inf
+    one_instrument: bool = False
     seconds: list[Hypothesis] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
     contradicted: dict[str, str] = field(default_factory=dict)
@@ -105,8 +111,9 @@ def conclude(search: Search) -> Conclusion:
     """Search, compare, and decide."""
     nothing = search.nothing()
     found = Conclusion(best=nothing, nothing=nothing, singles=[])
-    found.singles = search.singles() + _wandering_beside(search, found, nothing, (), GRID)
+    found.singles = search.singles() + _wandering_beside(search, found, nothing, (), search.fitter.grid)
     found.singles.sort(key=lambda h: -h.evidence)
+    found.one_instrument = not bool(np.any(search.scene.is_gonio))
     few = _few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
     if named:
@@ -115,7 +122,7 @@ def conclude(search: Search) -> Conclusion:
     _look_for_unnamed(search, found)
     _decide(found, few)
     if found.best.ids:
-        _widen(search, found.best.fit)
+        _widen(search, found)
     return found
 
 
@@ -131,10 +138,12 @@ def _few(search: Search) -> float:
     return float(np.clip(np.sqrt(len(search.scene.readings) / 1000.0), 0.25, 1.0))
 
 
-def _widen(search: Search, fit: Fit) -> None:
+def _widen(search: Search, found: Conclusion) -> None:
     """Let the parameters' uncertainties hold what the forms themselves have wrong."""
-    whitener = search.fitter.whitener(fit.hyper, search.form_error(fit))
-    fit.covariance = posterior_covariance(whitener, fit)
+    fit = found.best.fit
+    random = tuple(w.extra(search.scene, a, x) for w, a, x in found.best.wanders)
+    whitener = search.fitter.whitener(fit.hyper, (*search.form_error(fit), *random))
+    fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
 
 
 def _wandering_beside(
@@ -183,7 +192,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
-    random = len(best.wanders) > len(base.wanders)
+    random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     needed = (NAME_SECOND_RANDOM if random else NAME_SECOND) + _misfit(base, found.nothing)
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
@@ -208,7 +217,9 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     )
     found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
-        found.unnamed_alone = max((u.gain for u in _unnamed_beside(search, found.nothing, ())), default=0.0)
+        alone = _unnamed_beside(search, found.nothing, ())
+        found.unnamed_alone = max((u.gain for u in alone if u.conjecture is None), default=0.0)
+        found.law_alone = max((u.gain for u in alone if u.conjecture is not None), default=-np.inf)
 
 
 def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:
@@ -234,8 +245,8 @@ def _decide(found: Conclusion, few: float) -> None:
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED + _misfit(found.best, found.nothing):
-        found.verdict = "partly-explained" if gain > found.unnamed_alone else "unexplained"
-    elif found.unnamed_alone > gain + UNNAMED:
+        found.verdict = "partly-explained" if gain > max(found.unnamed_alone, found.law_alone) else "unexplained"
+    elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain + APART:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"
@@ -271,12 +282,16 @@ def _probabilities(found: Conclusion) -> None:
     top = found.best.evidence
     logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
     for h in found.singles:
-        logs[h.ids] = h.evidence
+        logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
     left = found.unnamed[0].gain if found.unnamed else 0.0
-    logs[found.best.ids] = top + max(left, 0.0)  # what is left beside it does not speak against it
+    # what is left beside it does not speak against it; where one instrument was read it would fit beside others as well
+    shared = max(left, 0.0)
+    logs[found.best.ids] = top + (0.0 if found.one_instrument else shared)
     logs[("unnamed",)] = (
         found.nothing.evidence + max(found.unnamed_alone, 0.0 if found.best.ids else left) - np.log(4.0)
     )
+    if found.best.ids and found.one_instrument:
+        logs[("unnamed",)] -= shared
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))
     ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])
@@ -285,7 +300,7 @@ def _probabilities(found: Conclusion) -> None:
     found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
     if found.best.ids and len(found.best.ids) == 1:
         for h in found.singles[1:]:
-            if found.singles[0].evidence - h.evidence < APART:
+            if h.ids != found.best.ids and found.singles[0].evidence - h.evidence < APART:
                 found.indistinguishable.append((found.best.ids[0], h.ids[0]))
 
 

@@ -19,6 +19,16 @@ CLOUD = w.Wander(
 )
 SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
 
+UNREST = w.Wander(
+    "clock-offset",
+    "time, under broken cloud",
+    w.in_broken_cloud,
+    (0.12, 0.25, 0.5, 1.0, 2.0),
+    (1.0,),
+    BY_ID["clock-offset"],
+)
+"""Two clocks that differ under broken cloud: what it did in the meantime is not known (amplitude: root of min)."""
+
 _SIZES = (0.03, 0.10, 0.30)
 _ODD = 4.5
 """A reading this many standard deviations from what all others say of it is odd."""
@@ -55,15 +65,26 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
             found.append(
                 w.Wander("factor by direction", "direction in the picture", w.in_direction, _SIZES, (12.0, 35.0))
             )
+            if not np.any(np.isnan(r.sun_azimuth_at_deg)):
+                found.append(
+                    w.Wander(
+                        "factor in the sun's frame", "direction from the sun", w.in_suns_frame, _SIZES, (15.0, 40.0)
+                    )
+                )
     else:
         found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (0.7,)))
+        if r.has_times:
+            found.append(w.Wander("factor by time of day", "the time of day", w.in_time_of_day, _SIZES, (80.0,)))
     suns = np.isfinite(r.altitude_deg) & np.isfinite(r.azimuth_deg)
     if tests > 2 and np.all(suns) and r.has_parts:
         found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, _SIZES, (12.0,)))
     if r.has_times and np.max(np.bincount(r.test)) >= 20:
-        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, (15.0,)))
+        longest = max(float(np.ptp(r.utc_ns[r.test == k])) / 1e9 for k in np.unique(r.test))
+        steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
+        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, steps))
     if r.has_times and tests > 3:
-        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, (60.0,)))
+        lengths = (60.0,) if "goniometer" in scene.kinds else (60.0, 6000.0)  # a meter ages over days
+        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, lengths))
     return tuple(found)
 
 

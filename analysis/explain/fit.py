@@ -14,9 +14,10 @@ from scipy.stats import norm
 from analysis.cases.model import Floats
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Solved, Whitener
+from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Solved, Whitener, grid_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
+from analysis.explain.sky_error import sky_error_effects
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,8 @@ class Fit:
         Natural log of the probability of the readings, up to a constant of the case.
     hyper
         The grid point that carries most of the evidence.
+    spread : shape (P, P)
+        Variance between ways of the same mechanism that the readings do not decide; ``None`` without them.
     """
 
     terms: tuple[Term, ...]
@@ -64,6 +67,7 @@ class Fit:
     log_evidence: float = -np.inf
     hyper: Hyper = GRID[0]
     hyper_weights: dict[Hyper, float] = field(default_factory=dict)
+    spread: Floats | None = None
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -81,7 +85,9 @@ class Fitter:
 
     def __init__(self, scene: Scene, nuisance: Nuisance | None = None) -> None:
         self.scene = scene
-        self.nuisance = nuisance or Nuisance(scene.readings, lens_error_effects(scene), steepness(scene))
+        effects = np.concatenate([lens_error_effects(scene), sky_error_effects(scene)], axis=1)
+        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene))
+        self.grid = grid_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}
         self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Solved]] = {}
@@ -152,11 +158,22 @@ class Fitter:
 
     def scan_starts(self, term: Term, hyper: Hyper) -> list[tuple[float, Floats]]:
         """Objectives and starting points of one term alone, best first."""
-        points = _starts(term)
+        points = _starts(term) if np.any(self.scene.is_gonio) else self._scaled(term, hyper)
         residuals = np.stack([self.residual((term,), p) for p in points], axis=1)
         values = self.whitener(hyper).squares(residuals)
         values += np.array([_prior_value(p, term.parameters) for p in points])
         return [(float(values[k]), points[k]) for k in np.argsort(values)]
+
+    def _scaled(self, term: Term, hyper: Hyper) -> Floats:
+        """A term's starting points, and the same with the change that each makes scaled to what fits best."""
+        points = _starts(term)
+        nothing = self.residual((), np.zeros(0))
+        moved = [nothing - self.residual((term,), p) for p in points]
+        gram = self.whitener(hyper).gram(np.column_stack([nothing, *moved]))
+        size = gram[0, 1:] / np.maximum(np.diag(gram)[1:], 1e-12)
+        free = np.array([p.centre == 0.0 for p in term.parameters])  # others are lengths: they scale nothing
+        scaled = np.where(free, points * np.clip(size, 0.0, 3.0)[:, None], points)
+        return np.concatenate([points, [_inside(p, term.parameters) for p in scaled]])
 
     def promise(self, term: Term, hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()) -> tuple[float, Floats]:
         """How far one term more may lower the objective, and from which start; others are held where they were fitted.
@@ -173,8 +190,9 @@ class Fitter:
         best = int(np.argmax(drop))
         return float(drop[best]), points[best]
 
-    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), grid: tuple[Hyper, ...] = GRID) -> None:
+    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), grid: tuple[Hyper, ...] = ()) -> None:
         """Set evidence, covariance and best grid point of fits, from one factoring per grid point."""
+        grid = grid or self.grid
         logs = {id(f): np.empty(len(grid)) for f in fits}
         white: dict[tuple[tuple[float, float], int], Floats] = {}
         for k, hyper in enumerate(grid):

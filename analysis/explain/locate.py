@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from analysis.cases.model import Floats
 from analysis.explain.noise import Whitener
 from analysis.explain.readings import GONIOMETER, Readings
+from labdaq import directions
 
 _WORLDS = 2000
 
@@ -129,10 +130,41 @@ def _instruments(r: Readings, rows: NDArray[np.bool_], kind: str) -> list[Region
         found.append(Region(f"on {r.case.channels[k].id}", here, _where(r, here)))
     gamma = r.gamma_deg[rows]
     if kind == "sky" and not np.all(np.isnan(gamma)):
-        for low, high in ((90, 120), (120, 150), (150, 180.1), (90, 135), (135, 180.1)):
-            band = rows & (r.gamma_deg >= low) & (r.gamma_deg < high)
-            name = f"between {180 - min(high, 180):.0f}° and {180 - low:.0f}° from the zenith"
-            found.append(Region(name, band, _where(r, band)))
+        found += _in_the_picture(r, rows)
+    return found
+
+
+def _in_the_picture(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
+    """Bands of a picture of the sky, sectors of its rim, and what lies round the sun or opposite to it."""
+    found = []
+    for low, high in ((90.0, 120.0), (120.0, 150.0), (150.0, 180.1), (90.0, 135.0), (135.0, 180.1)):
+        band = rows & (r.gamma_deg >= low) & (r.gamma_deg < high)
+        name = f"between {180 - min(high, 180):.0f}° and {180 - low:.0f}° from the zenith"
+        found.append(Region(name, band, _where(r, band)))
+    for azimuth in np.arange(0.0, 360.0, 30.0):
+        turn = np.abs((360.0 - r.c_deg - azimuth + 180.0) % 360.0 - 180.0)
+        sector = [float((360.0 - azimuth - 30.0) % 360.0), float((360.0 - azimuth + 30.0) % 360.0)]
+        for name, low, high in (("", 90.0, 178.0), (" below 45°", 90.0, 135.0), (" above 45°", 135.0, 178.0)):
+            spot = rows & (turn <= 30.0) & (r.gamma_deg > low) & (r.gamma_deg < high)
+            where = _where(r, spot, c_deg=sector)
+            found.append(Region(f"towards azimuth {azimuth:.0f}°{name}", spot, where))
+    if not np.any(np.isnan(r.sun_altitude_at_deg[rows] + r.sun_azimuth_at_deg[rows])):
+        found += _round_the_sun(r, rows)
+    return found
+
+
+def _round_the_sun(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
+    look = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
+    away = directions.angle_between(look, directions.sky_vector(r.sun_altitude_at_deg, r.sun_azimuth_at_deg))
+    found = []
+    for name, low, high in (
+        ("within 25° of the sun", 0.0, 25.0),
+        ("25° to 60° from the sun", 25.0, 60.0),
+        ("60° to 110° from the sun", 60.0, 110.0),
+        ("more than 110° from the sun", 110.0, 181.0),
+    ):
+        ring = rows & (away >= low) & (away < high)
+        found.append(Region(name, ring, _where(r, ring)))
     return found
 
 

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from analysis.cases.model import Floats
-from analysis.explain.readings import GONIOMETER, ROOF, Readings
-from labdaq import directions
+from analysis.explain.nearness import by_direction, by_time, days_of
+from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
-GAIN_OF_METERS: Final = 0.004
+GAIN_OF_METERS: Final = 0.006
 POINTING_DEG: Final = 0.12
 """Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
 _PLANES: Final = 0.5
@@ -51,6 +51,19 @@ class Hyper:
 
 
 GRID: Final = tuple(Hyper(a, b, c) for a, b, c in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5), (0.4, 1.0, 2.5)))
+GRID_OF_ROOF: Final = tuple(Hyper(a, b) for a, b in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5)))
+"""On the roof there is no lens."""
+GRID_OF_SKY: Final = tuple(
+    Hyper(a, b, c) for a, b, c in product((0.25, 0.8, 2.0, 4.5), (0.3, 1.0, 3.0, 9.0, 25.0), (0.4, 1.2, 3.0))
+)
+"""A prediction of the sky is a second instrument (right to a per cent) or a sky model (to ten); ``lens`` is what all
+pictures of one camera have in common."""
+
+
+def grid_of(readings: Readings) -> tuple[Hyper, ...]:
+    """The grid for the kinds of channel that a case has."""
+    kinds = set(readings.kind.tolist())
+    return GRID if GONIOMETER in kinds else GRID_OF_SKY if SKY in kinds else GRID_OF_ROOF
 
 
 @dataclass(frozen=True)
@@ -62,18 +75,21 @@ class Usual:
     scatter: float  # unexplained scatter from record to record
     gain: float  # of a test
     level: float  # of a system (transmittance) or an instrument (absolute scale)
+    restless: float = (
+        0.0  # further gain of a test, growing with the scatter: two instruments never look at the same time
+    )
 
 
 USUAL: Final = {
     GONIOMETER: Usual(0.018, 0.010, 0.007, GAIN_OF_TESTS, 0.04),
     ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0),
-    "sky": Usual(0.020, 0.020, 0.020, 0.03, 0.0),
+    SKY: Usual(0.0, 0.012, 0.005, 0.012, 0.0, 0.010),  # what tests have in common: see sky_error
 }
 
 
 @dataclass(frozen=True)
 class Block:
-    """Rows whose errors go together: a system's goniometer rows, or one roof instrument's rows.
+    """Rows whose errors go together: a system's goniometer rows, a roof instrument's day, or one picture of the sky.
 
     Attributes
     ----------
@@ -109,32 +125,17 @@ class Block:
 
 
 def blocks_of(readings: Readings) -> tuple[Block, ...]:
-    """Group rows: goniometer rows by system, others by channel."""
+    """Group rows: goniometer rows by system, roof meters' by channel and day, the sky's by channel and test."""
     r = readings
-    group = np.where(r.kind == GONIOMETER, r.system[r.test], 1_000 + r.channel)
+    part = np.where(r.kind == SKY, r.test, days_of(r))
+    group = np.where(r.kind == GONIOMETER, r.system[r.test], 1_000_000 * (1 + r.channel) + part)
     made = []
     for g in np.unique(group):
         rows = np.flatnonzero(group == g)
         kind = str(r.kind[rows[0]])
-        near = _time_kernel(r, rows) if kind == ROOF else _sphere_kernel(r, rows)
+        near = by_time(r, rows) if kind == ROOF else by_direction(r, rows)
         made.append(Block(kind, rows, r, near))
     return tuple(made)
-
-
-def _sphere_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Squared-exponential correlations of directions, 9°, 17° and 46° wide; rows without one stand alone."""
-    v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
-    half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
-    near = np.zeros_like(half_chord2)
-    for share, width_deg in ((0.25, 9.0), (0.35, 17.0), (0.4, 46.0)):
-        near += share * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
-    return near
-
-
-def _time_kernel(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Correlation over about 40 minutes; without times, over the order of the rows."""
-    t = r.utc_ns[rows] / 6e10 if r.has_times else 5.0 * np.arange(len(rows))
-    return np.exp(-np.abs(t[:, None] - t[None, :]) / 40.0)
 
 
 class Nuisance:
@@ -172,7 +173,8 @@ class Nuisance:
         r = self.readings
         shared = (hyper.shape * usual.shape) ** 2 * block.near + usual.level**2
         planes = _PLANES * (hyper.shape * usual.shape_of_test) ** 2 * block.same_plane
-        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + planes + usual.gain**2) * block.same_test
+        gain = usual.gain**2 + (hyper.scatter * usual.restless) ** 2
+        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + planes + gain) * block.same_test
         c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
         scatter = usual.scatter**2 + self._jitter[block.rows] ** 2

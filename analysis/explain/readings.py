@@ -1,6 +1,6 @@
 """The readings that an explanation uses: usable rows of a case, in the laboratory's units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,7 +54,7 @@ class Readings:
         keep = np.isfinite(records.measured) if measured_only else np.ones(len(records), bool)
         factor = np.array([IN_LAB_UNITS[c.unit] for c in case.channels])[records.channel]
         noise = np.nan_to_num(records.uncertainty) * factor
-        return cls(
+        made = cls(
             case=case,
             row=np.flatnonzero(keep),
             test=records.test[keep],
@@ -68,6 +68,18 @@ class Readings:
             sun=(records.sun * factor)[keep],
             sky=(records.sky * factor)[keep],
         )
+        return made._with_parts_of_tests()
+
+    def _with_parts_of_tests(self) -> "Readings":
+        """Roof rows without parts get those of their test's global and diffuse illuminance, where these are known.
+
+        A meter whose prediction is nearer to the diffuse than to the global illuminance is a shaded one.
+        """
+        total, diffuse = self.global_lx[self.test], self.diffuse_lx[self.test]
+        open_to_sun = np.abs(self.simulated - total) <= np.abs(self.simulated - diffuse)
+        sun = self.simulated * np.where(open_to_sun, np.clip(1.0 - diffuse / total, 0.0, 1.0), 0.0)
+        fill = (self.kind == ROOF) & np.isnan(self.sun) & np.isfinite(sun)
+        return replace(self, sun=np.where(fill, sun, self.sun), sky=np.where(fill, self.simulated - sun, self.sky))
 
     def __len__(self) -> int:
         return len(self.row)

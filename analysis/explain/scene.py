@@ -11,6 +11,8 @@ from analysis.cases.model import Floats, Goniometer
 from analysis.explain.fields import Fields, Sampler, fields_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.retrace import Retraced
+from analysis.explain.sky_flux import SkyFlux
+from analysis.explain.sky_shape import SkyShape
 from labdaq import directions
 
 _TRUST = (0.2, 5.0)  # how far a record's own prediction may differ from the field read at its direction
@@ -163,3 +165,13 @@ class Scene:
     def sun_zenith_at(self) -> Floats:
         """Sun zenith angle at each row [rad]; shape (N,)."""
         return np.radians(90.0 - self.readings.sun_altitude_at_deg)
+
+    @cached_property
+    def sky_shape(self) -> SkyShape:
+        """The smooth skies of the tests, between the directions that were read."""
+        return SkyShape.of(self.readings)
+
+    @cached_property
+    def sky_flux(self) -> SkyFlux:
+        """Where the diffuse light on each roof meter comes from."""
+        return SkyFlux.of(self.readings)

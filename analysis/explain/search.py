@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.families import UNREST
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
-from analysis.explain.noise import GRID, Hyper
+from analysis.explain.noise import Hyper
 from analysis.explain.wander import Wander
 from analysis.explain.wander import sphere as _sphere
 
@@ -48,7 +49,8 @@ class Hypothesis:
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of its catalogue mechanisms."""
-        return (*self.fit.ids, *(w.name for w, _, _ in self.wanders if w.mechanism is not None))
+        random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
+        return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
 
 
 class Search:
@@ -93,7 +95,32 @@ class Search:
         fits = {m: self._fit_ways(terms) for m, terms in self._terms.items()}
         self.fitter.weigh([f for ways in fits.values() for f in ways])
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
+        if self.scene.kinds == ("roof",):
+            found += [self._restless(h) for h in found if h.ids == (UNREST.name,)]
         return sorted(found, key=lambda h: -h.evidence)
+
+    def _restless(self, clock: Hypothesis) -> Hypothesis:
+        """A clock's offset with what broken cloud did in the meantime; it stands beside the offset alone.
+
+        The scatter that an offset leaves under cloud says how long it was: the offset's prior follows its size.
+        """
+        made = []
+        for root_min in UNREST.amplitudes:
+            extra = (UNREST.extra(self.scene, root_min, 1.0),)
+            for way in self._terms[UNREST.name]:
+                about = root_min**2
+                p = replace(way.parameters[0], low=-5 * about, high=5 * about, sigma=about, starts=(-about, about))
+                for start in p.starts:
+                    fit = self.fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
+                    self.fitter.weigh([fit], extra)
+                    made.append(Hypothesis(fit, fit.log_evidence, ((UNREST, root_min, 1.0),)))
+        logs = np.array([h.evidence for h in made])
+        best = max(made, key=lambda h: h.evidence)
+        off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
+        shares = np.exp(logs - np.logaddexp.reduce(logs))
+        sizes = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
+        best.fit.spread = np.array([[float(shares @ (off**2 + sizes**2))]])  # and earlier or later is often left open
+        return replace(best, evidence=float(np.logaddexp.reduce(logs) - np.log(len(made))))
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
         """Fit a mechanism's most promising ways."""
@@ -162,20 +189,21 @@ class Search:
         r = self.scene.readings
         parts = []
         for k, term in enumerate(fit.terms):
-            if term.mechanism.form_error <= 0:
+            form_error = term.mechanism.form_error_in(self.scene)
+            if form_error <= 0:
                 continue
             others, theta = _without(fit, k)
             with_it = r.stretched(predict(self.scene, fit.terms, fit.theta))
             change = with_it - r.stretched(predict(self.scene, others, theta))
             by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
             shape = np.concatenate([_sphere(self.scene, 40.0), by_test], axis=1) / np.sqrt(2.0)
-            parts.append(term.mechanism.form_error * change[:, None] * shape)
+            parts.append(form_error * change[:, None] * shape)
         return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
     def least_effect(self, hypothesis: Hypothesis) -> float:
         """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed."""
         fit, r = hypothesis.fit, self.scene.readings
-        sizes = [amplitude for wander, amplitude, _ in hypothesis.wanders if wander.mechanism is not None]
+        sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
         with_it = predict(self.scene, fit.terms, fit.theta)
         for k in range(len(fit.terms)):
             change = (with_it - predict(self.scene, *_without(fit, k))) / r.scale
@@ -206,7 +234,7 @@ class Search:
 def best_hypers(fit: Fit, count: int = 4) -> tuple[Hyper, ...]:
     """The grid points that carry most of a fit's evidence."""
     ranked = sorted(fit.hyper_weights, key=lambda h: -fit.hyper_weights[h])
-    return tuple(ranked[:count]) or GRID
+    return tuple(ranked[:count])
 
 
 def _without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:

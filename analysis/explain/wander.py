@@ -13,11 +13,15 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra
 from analysis.explain.mechanisms.base import Mechanism
+from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.scene import Scene
 from labdaq import directions
 
 Columns = Callable[[Scene, float], Floats]
 """Independent unit effects (N, K) of a random function with a correlation length, on a scene's rows."""
+
+
+_RESTLESS_ROWS = 250
 
 
 @dataclass(frozen=True)
@@ -147,6 +151,28 @@ def in_scan_order(scene: Scene, seconds: float) -> Floats:
     return smooth(since, np.arange(-seconds, since.max() + seconds, 0.7 * seconds), seconds) * loud(scene)[:, None]
 
 
+def in_time_of_day(scene: Scene, minutes: float) -> Floats:
+    """A factor that is a smooth random function of the time of day, the same on all days and channels."""
+    t = scene.readings.utc_ns / 6e10
+    site = scene.readings.case.setup.site
+    local = (t + (4.0 * site.longitude_deg if site is not None else 0.0)) % 1440.0  # mean solar time
+    nodes = np.arange(local.min() - minutes, local.max() + minutes, 0.7 * minutes)
+    return smooth(local, nodes, minutes) * loud(scene)[:, None]
+
+
+def in_broken_cloud(scene: Scene, _: float) -> Floats:
+    """Independent errors, as large as daylight wanders in a minute: two instruments that do not read at one moment.
+
+    Only the most restless rows: beyond a few hundred they cost time and tell nothing more.
+    """
+    restless = unrest(scene) * loud(scene)
+    rows = np.argsort(-restless)[:_RESTLESS_ROWS]
+    rows = rows[restless[rows] > 0.0]
+    columns = np.zeros((len(restless), len(rows)))
+    columns[rows, np.arange(len(rows))] = restless[rows]
+    return columns
+
+
 def in_hours(scene: Scene, minutes: float) -> Floats:
     """A factor that is a slow random function of time over the campaign, the same for all channels."""
     t = scene.readings.utc_ns / 6e10
@@ -163,10 +189,21 @@ def smooth(x: Floats, nodes: Floats, width: float) -> Floats:
     return np.asarray(bumps / np.sqrt(power))
 
 
+def in_suns_frame(scene: Scene, degrees: float) -> Floats:
+    """A factor that is a random function of direction as seen with the sun ahead: it turns with the sun's azimuth."""
+    r = scene.readings
+    turned = np.nan_to_num(r.c_deg) + r.sun_azimuth_at_deg
+    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), turned)
+    return _bumps(v, degrees) * (loud(scene) * ~np.isnan(r.gamma_deg))[:, None]
+
+
 def sphere(scene: Scene, degrees: float) -> Floats:
     """Bumps about nodes spread over the sphere where readings lie; (N, K), unit variance."""
     r = scene.readings
-    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
+    return _bumps(directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg)), degrees)
+
+
+def _bumps(v: Floats, degrees: float) -> Floats:
     count = int(np.ceil(4.0 * np.pi / (0.8 * np.radians(degrees)) ** 2))
     turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))  # Fibonacci sphere
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count

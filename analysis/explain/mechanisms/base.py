@@ -103,6 +103,10 @@ class Mechanism:
         """The parameters with ranges that fit the case (an offset's prior depends on the size of the readings)."""
         return self.parameters
 
+    def form_error_in(self, scene: Scene) -> float:
+        """How wrong the form may be in this case, relative to the effect."""
+        return self.form_error
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the light on its way; ``p`` are the parameters."""
 

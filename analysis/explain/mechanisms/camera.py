@@ -10,6 +10,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
+from analysis.explain.sky_shape import towards
 from labdaq import directions
 
 
@@ -55,13 +56,13 @@ class Vignetting(_CameraMechanism):
     parameters = (
         Parameter("loss_at_rim", "1", "relative loss of luminance at 90° from the zenith", 0.0, 0.9, 0.25, (0.1, 0.3)),
     )
-    source = "L (1 - v t²) or (1 - v t⁴), t the zenith angle over 90°; Goldman and Chen 2005; Inanici 2006"
+    source = "L (1 - v t^k), k = 2, 3 or 4, t the zenith angle over 90°; Goldman and Chen 2005; Inanici 2006"
     tie_breaker = "an integrating sphere, or a lamp photographed at many angles"
     wide = True
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """An early or a late fall-off."""
-        return (Branch("square law", 2.0), Branch("fourth-power law", 4.0))
+        return (Branch("square law", 2.0), Branch("cube law", 3.0), Branch("fourth-power law", 4.0))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Darken towards the rim."""
@@ -123,6 +124,8 @@ class SpectralMismatch(_CameraMechanism):
             ways.append(Branch("by distance from the sun", "angle"))
             if ways[0].value == "class":
                 ways.append(Branch("by sky class and distance from the sun", "both"))
+            if np.max(np.bincount(r.test[scene.is_sky])) >= 6:
+                ways.append(Branch("by the share of scattered blue in each direction", "share"))
         return tuple(ways)
 
     def why_not(self, scene: Scene) -> str:
@@ -145,14 +148,41 @@ class SpectralMismatch(_CameraMechanism):
 
 def _blueness(scene: Scene, way: str) -> Floats:
     r = scene.readings
-    of_class = {"clear": 1.0, "partly-cloudy": 0.5, "overcast": 0.0, None: 0.5}
-    sky = np.array([of_class[t.sky] for t in r.case.tests])[r.test]
     if way == "class":
-        return sky
-    towards = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
+        return _clearness(scene)
+    if way == "share":
+        return _clearness(scene) * scene.remember(_blue_share)
     sun = directions.sky_vector(r.sun_altitude_at_deg, r.sun_azimuth_at_deg)
-    away = 1.0 - np.exp(-directions.angle_between(towards, sun) / 30.0)
-    return away * sky if way == "both" else away
+    away = 1.0 - np.exp(-directions.angle_between(towards(scene.readings), sun) / 30.0)
+    return away * _clearness(scene) if way == "both" else away
+
+
+def _clearness(scene: Scene) -> Floats:
+    """How much of each row's sky is open: by class, tempered by Perez' clearness where the illuminances are known."""
+    r = scene.readings
+    of_class = {"clear": 1.0, "partly-cloudy": 0.5, "overcast": 0.0, None: 0.5}
+    by_class = np.array([of_class[t.sky] for t in r.case.tests])[r.test]
+    height = np.sin(np.radians(np.maximum(r.altitude_deg, 5.0)))
+    clearness = 1.0 + np.maximum(r.global_lx - r.diffuse_lx, 0.0) / height / np.maximum(r.diffuse_lx, 1.0)
+    open_share = np.clip(np.log(clearness) / np.log(6.2), 0.0, 1.0)[r.test]
+    return np.asarray(np.where(np.isfinite(open_share), np.sqrt(by_class * open_share), by_class))
+
+
+def _blue_share(scene: Scene) -> Floats:
+    """Share of scattered blue light in each row's luminance, over that in the bluest; (N,).
+
+    Air scatters as 1 + cos² of the angle from the sun; what a direction holds beyond that is haze or cloud, and white.
+    The air's own luminance is taken from the darkest tenth of the test's directions.
+    """
+    r = scene.readings
+    sun = directions.sky_vector(r.sun_altitude_at_deg, r.sun_azimuth_at_deg)
+    air = 1.0 + np.cos(np.radians(directions.angle_between(towards(scene.readings), sun))) ** 2
+    ratio = air / np.maximum(r.simulated, 1e-9)
+    share = np.ones(len(r))
+    for k in np.unique(r.test[scene.is_sky]):
+        rows = (r.test == k) & scene.is_sky
+        share[rows] = np.minimum(ratio[rows] / np.quantile(ratio[rows], 0.9), 1.2)
+    return share
 
 
 class ExposureError(_CameraMechanism):
@@ -184,66 +214,64 @@ class ProjectionError(_CameraMechanism):
     id = "projection-error"
     leaves_out = "The lens is not the projection that was assumed: pixels look elsewhere than thought."
     parameters = (
+        Parameter("shift_deg", "deg", "largest error of the direction, outwards", -12.0, 12.0, 2.0, (-1.0, 1.0)),
+    )
+    centre = (
         Parameter(
-            "shift_deg",
-            "deg",
-            "largest error of the direction, outwards, half way to the rim",
-            -12.0,
-            12.0,
-            2.5,
-            (-2.0, 2.0),
+            "centre_north_deg", "deg", "the picture's true centre, towards north", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
+        ),
+        Parameter(
+            "centre_east_deg", "deg", "the picture's true centre, towards east", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
         ),
     )
+    needs = "directions and the sun's place"
     source = (
-        "true zenith angle = assumed + s sin(2 · zenith angle); equisolid taken for "
-        "equidistant: 3.8° (hdr.md section 5)"
+        "true zenith angle = assumed + s sin(2 · zenith angle), or + s t, or the zenith elsewhere in the picture; "
+        "equisolid taken for equidistant: 3.8° (hdr.md section 5)"
     )
     tie_breaker = "a picture of marks at known angles, or of the sun over a day"
     wide = True
+    form_error = 0.25  # between the directions of a picture the sky is only guessed
+
+    def why_not(self, scene: Scene) -> str:
+        """The sky's shape between the directions follows from the sun's place."""
+        return super().why_not(scene) or _why_no_shape(scene)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """An error that is largest half way to the rim, one that grows to the rim, or a wrong centre."""
+        return (Branch("", "half way"), Branch("growing to the rim", "rim"), Branch("wrong centre", "centre"))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """A shift, or the two of a centre."""
+        return self.centre if branch.value == "centre" else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Read the sky at the shifted direction, by its own slope."""
-        shift = p[0] * np.sin(np.pi * np.minimum(zenith_angle(scene), 1.0))
-        slope = scene.remember(_slope)
-        return _seen(scene, values, np.exp(np.clip(slope * shift, -2.0, 2.0)))
+        """Read the sky at the shifted direction."""
+        v = towards(scene.readings)
+        if branch.value == "centre":
+            moved = v + np.radians(np.array([p[1], p[0], 0.0]))
+        else:
+            t = np.minimum(zenith_angle(scene), 1.0)
+            shift = p[0] * (t if branch.value == "rim" else np.sin(np.pi * t))
+            outward = np.stack([v[:, 0], v[:, 1], 0.0 * t], axis=1)
+            outward = outward - np.sum(outward * v, axis=1, keepdims=True) * v
+            size = np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
+            moved = v + np.radians(shift)[:, None] * outward / size
+        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
+        return _seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""
+        if branch.value == "centre":
+            return f"The picture's centre is not the zenith: it lies {np.hypot(p[0], p[1]):.1f}° beside it."
         return (
             f"The lens maps directions up to {abs(p[0]):.1f}° "
             f"{'outwards' if p[0] > 0 else 'inwards'} of the assumed projection."
         )
 
 
-def _slope(scene: Scene) -> Floats:
-    """d ln(luminance) / d(zenith angle) [1/deg] of the prediction at each row, from its neighbours in the test."""
+def _why_no_shape(scene: Scene) -> str:
     r = scene.readings
-    slope = np.zeros(len(r))
-    theta = 90.0 * zenith_angle(scene)
-    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
-    log = np.log(np.maximum(r.simulated, 1e-9))
-    for k in np.unique(r.test[scene.is_sky]):
-        rows = np.flatnonzero((r.test == k) & scene.is_sky)
-        if len(rows) < 6:
-            continue
-        away = np.degrees(np.arccos(np.clip(v[rows] @ v[rows].T, -1, 1)))
-        reach = np.maximum(np.sort(away, axis=1)[:, min(6, len(rows) - 1)], 5.0)
-        for i, row in enumerate(rows):
-            w = np.exp(-0.5 * (away[i] / reach[i]) ** 2)
-            tangent = _tangents(v[row])
-            local = (v[rows] - v[row]) @ tangent.T * (180.0 / np.pi)
-            a = np.column_stack([np.ones(len(rows)), local])
-            fit = np.linalg.lstsq(a * w[:, None], log[rows] * w, rcond=None)[0]
-            slope[row] = fit[1] if theta[row] > 1.0 else 0.0
-    return slope
-
-
-def _tangents(v: Floats) -> Floats:
-    """Unit vectors along growing zenith angle and along azimuth at a direction; shape (2, 3)."""
-    across = np.array([-v[1], v[0], 0.0])
-    norm = np.linalg.norm(across)
-    across = across / norm if norm > 1e-9 else np.array([1.0, 0.0, 0.0])
-    outward = np.cross(across, v)
-    if outward[2] > 0:
-        outward = -outward
-    return np.stack([outward / np.linalg.norm(outward), across])
+    if np.any(np.isnan(r.sun_altitude_at_deg[scene.is_sky]) | np.isnan(r.sun_azimuth_at_deg[scene.is_sky])):
+        return "neither sun angles nor site and times are given"
+    return ""

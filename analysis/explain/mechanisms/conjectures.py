@@ -11,6 +11,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
+from analysis.explain.sluggish import Sluggish
 from labdaq import directions
 
 
@@ -128,4 +129,4 @@ def _place_in_scan(scene: Scene) -> Floats:
     return place
 
 
-CONJECTURES: tuple[Mechanism, ...] = (ArmSag(), OffCentre(), SlowSensors(), WarmingSensors())
+CONJECTURES: tuple[Mechanism, ...] = (ArmSag(), OffCentre(), SlowSensors(), WarmingSensors(), Sluggish())

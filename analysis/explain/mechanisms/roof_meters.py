@@ -13,6 +13,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
+from analysis.explain.sky_flux import RINGS_DEG
 
 
 def _roof_channels(scene: Scene) -> tuple[Branch, ...]:
@@ -64,7 +65,10 @@ class MeterTilt(Mechanism):
         ),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "beam: cos(theta_tilt)/cos z; sky: (1 + cos tilt)/2; Wang et al. 2016, Atmos. Meas. Tech. 9; report App. C"
+    source = (
+        "beam: cos(theta_tilt)/cos z; sky: (1 + cos tilt)/2 + sin(tilt) cos(azimuth from the sun) times the sunward "
+        "flow of Perez' sky; Wang et al. 2016, Atmos. Meas. Tech. 9; Perez et al. 1993, Solar Energy 50; report App. C"
+    )
     tie_breaker = "turn the meter's head by 180°"
     kinds = ("goniometer", "roof")
 
@@ -84,10 +88,11 @@ class MeterTilt(Mechanism):
         azimuth = np.radians(scene.readings.sun_azimuth_at_deg)
         towards = (north * np.cos(azimuth) + east * np.sin(azimuth)) / tilt if tilt > 0 else 0.0 * azimuth
         beam = np.maximum(np.cos(tilt) + np.tan(zenith) * np.sin(tilt) * towards, 0.0)
-        sky = (1.0 + np.cos(tilt)) / 2.0
+        even = (1.0 + np.cos(tilt)) / 2.0
         if branch.value is None:
-            light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
+            light.sun_factor = light.sun_factor * _beam_error(scene, beam, even)
             return
+        sky = np.maximum(even + np.sin(tilt) * towards * scene.sky_flux.sunward, 0.0)
         acts = _acts(scene, branch)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
@@ -161,9 +166,12 @@ class MeterCosine(Mechanism):
         Parameter(
             "error_at_60deg", "1", "relative error for light from 60° off the normal", -0.5, 0.5, 0.04, (-0.03, 0.03)
         ),
+        Parameter("steepness", "1", "power of the growth beyond", 0.4, 6.0, 1.2, (0.8, 2.5), centre=1.3),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "beam (1 + c h(z)), h = (1 - cos z)/(1 - cos 60°) or (z/60°)³; sky (1 + c mean h); CIE/ISO 19476 f2"
+    source = (
+        "beam (1 + c h(z)), h = ((1 - cos z)/(1 - cos 60°))^k; sky (1 + c mean of h over Perez' sky); CIE/ISO 19476 f2"
+    )
     tie_breaker = "a lamp turned round the meter's head"
     kinds = ("goniometer", "roof")
 
@@ -172,28 +180,25 @@ class MeterCosine(Mechanism):
         return _why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter, with a gentle or a steep law."""
-        return tuple(
-            Branch(f"{b.label} ({law} law)", (b.value, law))
-            for b in _roof_channels(scene)
-            for law in ("gentle", "steep")
-        )
+        """Each meter, with a diffuser that is wrong or a rim that shades it."""
+        ways = _roof_channels(scene)
+        return (*ways, *(Branch(f"{way.label}, rim", ("rim", way.value)) for way in ways))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weight beam and sky by the response."""
-        value, law = branch.value
-        zenith = np.minimum(scene.sun_zenith_at, np.radians(88.0))
-        if law == "gentle":
-            shape, mean = (1.0 - np.cos(zenith)) / 0.5, 2.0 / 3.0  # mean of h over a uniform sky, ∫ h 2 cos sin
-        else:
-            shape, mean = (zenith / np.radians(60.0)) ** 3, 0.612
-        beam, sky = np.maximum(1.0 + p[0] * shape, 0.05), float(1.0 + p[0] * mean)
-        if value is None:
+        rim = isinstance(branch.value, tuple)
+        channel = branch.value[1] if rim else branch.value
+        beam = np.maximum(1.0 + p[0] * _off_normal(scene.sun_zenith_at, rim) ** p[1], 0.05)
+        rings = _off_normal(np.radians(RINGS_DEG), rim) ** p[1]
+        if channel is None:
+            even = np.sin(2.0 * np.radians(RINGS_DEG))
+            sky = max(1.0 + p[0] * float(even @ rings / even.sum()), 0.05)
             light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
             return
-        acts = scene.is_roof & (scene.readings.channel == value)
+        skies = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
+        acts = scene.is_roof & (scene.readings.channel == channel)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
-        light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
+        light.sky_factor = np.where(acts, light.sky_factor * skies, light.sky_factor)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
@@ -211,34 +216,75 @@ class MeterRangeLimit(Mechanism):
             "excess", "1", "largest prediction over the end of the range, minus one", 0.0, 3.0, 0.3, (0.03, 0.15, 0.5)
         ),
     )
-    source = "y = min(E, end of range); report ch. 3 (9 999 fc)"
+    source = "min(E, Y), Y(1 - exp(-E/Y)), E/(1 + E/Y), Y the end of the range; report ch. 3 (9 999 fc)"
     tie_breaker = "a second meter with a higher range, or a neutral filter"
     kinds = ("roof",)
+    soft = Parameter(
+        "compression", "1", "largest prediction over the end of the range", 0.0, 3.0, 0.3, (0.02, 0.1, 0.4)
+    )
 
     def why_not(self, scene: Scene) -> str:
         """Only where roof meters are read."""
         return "" if np.any(scene.is_roof) else "there is no illuminance meter among the channels"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter."""
-        ways = _roof_channels(scene)
-        tops = [float(np.max(scene.readings.simulated[_acts(scene, way)])) for way in ways]
-        return tuple(replace(way, facts={"top": top}) for way, top in zip(ways, tops, strict=True))
+        """Each meter, with a hard or a soft end."""
+        found = []
+        for way in _roof_channels(scene):
+            facts = {"top": float(np.max(scene.readings.simulated[_acts(scene, way)]))}
+            found.append(replace(way, facts=facts))
+            for form in ("gradual", "exponential"):
+                found.append(Branch(f"{way.label}, {form}", (way.value, form), facts))
+        return tuple(found)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Excess over a hard end, or nearness to a soft one."""
+        return (self.soft,) if isinstance(branch.value, tuple) else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Cut the meter's readings at the end of its range."""
-        acts = _acts(scene, branch)
-        end = branch.facts["top"] / (1.0 + p[0])
-        return np.where(acts, np.minimum(values, end), values)
+        """Cut or compress the meter's readings towards the end of its range."""
+        top = branch.facts["top"]
+        if not isinstance(branch.value, tuple):
+            return np.where(_acts(scene, branch), np.minimum(values, top / (1.0 + p[0])), values)
+        channel, form = branch.value
+        if p[0] <= 0.0:
+            return values
+        acts = scene.is_roof & (scene.readings.channel == channel) & (values > 0)
+        return np.where(acts, _compressed(np.maximum(values, 0.0), top / float(p[0]), form), values)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
-        """The end of the range is what a data sheet gives."""
-        end = term.branch.facts["top"] / (1.0 + float(p[0]))
+        """The end of the range is what a data sheet gives; the loss at the brightest is the same for all forms."""
+        top, x, u = term.branch.facts["top"], float(p[0]), float(sd[0])
+        if not isinstance(term.branch.value, tuple):
+            end, loss, slope = top / (1.0 + x), x / (1.0 + x), 1.0 / (1.0 + x) ** 2
+            end_sd = end * u / (1.0 + x)
+        else:
+            end = top / max(x, 1e-6)
+            end_sd = end * u / max(x, 1e-6)
+            at = np.array([top])
+            loss = 1.0 - float(_compressed(at, end, term.branch.value[1])[0]) / top
+            slope = (1.0 - float(_compressed(at, top / (x + 1e-4), term.branch.value[1])[0]) / top - loss) / 1e-4
         return {
-            "range_end_lx": told(end, end * float(sd[0]) / (1.0 + float(p[0])), "lx"),
+            "range_end_lx": told(end, end_sd, "lx"),
+            "loss_at_brightest": told(loss, abs(slope) * u, "1"),
             **super().report(p, sd, term),
         }
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say by how much."""
+        if isinstance(branch.value, tuple):
+            return f"{branch.label}: the brightest daylight reached {p[0]:.0%} of the end of the meter's range."
         return f"{branch.label} was at the end of its range: the brightest daylight was {p[0]:.0%} beyond it."
+
+
+def _compressed(values: Floats, end: float, form: str) -> Floats:
+    """Readings of a meter whose response flattens towards ``end``."""
+    share = values / end
+    return np.asarray(end * share / (1.0 + share) if form == "gradual" else end * -np.expm1(-share))
+
+
+def _off_normal(zenith_rad: Floats, rim: bool) -> Floats:
+    """How far off the normal light comes, 1 at 60°: as a diffuser's response falls, or as a rim's shadow grows."""
+    if rim:
+        return np.asarray(np.tan(np.minimum(zenith_rad, np.radians(85.0))) / np.sqrt(3.0))
+    return np.asarray(2.0 * (1.0 - np.cos(np.minimum(zenith_rad, np.radians(88.0)))))

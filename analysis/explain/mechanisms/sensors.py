@@ -13,10 +13,18 @@ from analysis.explain.scene import Scene
 _ALL = ("goniometer", "roof", "sky")
 
 
+_NAMES = {"goniometer": "the goniometer's sensors", "roof": "the roof meter", "sky": "the luminance readings"}
+
+
 def _by_kind(scene: Scene) -> tuple[Branch, ...]:
-    """One branch per kind of channel that occurs: a cause sits in one instrument, not in all."""
-    names = {"goniometer": "the goniometer's sensors", "roof": "the roof meter", "sky": "the luminance readings"}
-    return tuple(Branch(names[k], k) for k in scene.kinds)
+    """One branch per kind of channel that occurs, and per meter: a cause sits in one instrument, not in all."""
+    ways = [Branch(_NAMES[k], k) for k in scene.kinds]
+    r = scene.readings
+    for kind in scene.kinds:
+        channels = np.unique(r.channel[r.kind == kind])
+        if kind != "goniometer" and len(channels) > 1:
+            ways += [Branch(r.case.channels[k].id, int(k)) for k in channels]
+    return tuple(ways)
 
 
 def _with_level(scene: Scene) -> tuple[Branch, ...]:
@@ -30,7 +38,13 @@ def _with_level(scene: Scene) -> tuple[Branch, ...]:
 
 
 def _acts(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
-    return np.asarray(scene.readings.kind == branch.value)
+    return _is_in(scene, branch.value)
+
+
+def _is_in(scene: Scene, which: str | int) -> NDArray[np.bool_]:
+    """Rows of a kind of channel (its name), or of one channel (its number); shape (N,)."""
+    r = scene.readings
+    return np.asarray(r.kind == which if isinstance(which, str) else r.channel == which)
 
 
 def _level(scene: Scene, rows: NDArray[np.bool_]) -> float:
@@ -84,6 +98,9 @@ class Nonlinearity(Mechanism):
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
     bend = Parameter("bend", "1", "relative error of the brightest reading", -0.4, 0.4, 0.06, (-0.05, 0.05))
+    true_at = Parameter(
+        "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
+    )
     source = "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); CIE/ISO 19476 f3 (linearity)"
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL
@@ -94,16 +111,18 @@ class Nonlinearity(Mechanism):
         return (*powers, *(Branch(f"{b.label}, bent", (b.value, "bent"), b.facts) for b in powers))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Exponent of the power, or size of the bend."""
-        return (self.bend,) if isinstance(branch.value, tuple) else self.parameters
+        """Exponent of the power, or size of the bend; a single meter was calibrated at some level that nobody knows."""
+        if isinstance(branch.value, tuple):
+            return (self.bend,)
+        return self.parameters if branch.value == "goniometer" else (*self.parameters, self.true_at)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
         if isinstance(branch.value, tuple):
-            acts = np.asarray(scene.readings.kind == branch.value[0])
+            acts = _is_in(scene, branch.value[0])
             return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
         acts = _acts(scene, branch)
-        level = branch.facts["level"]
+        level = branch.facts["level"] * (np.exp(p[1]) if len(p) > 1 else 1.0)
         bent = np.maximum(values, 1e-9 * level)
         return np.where(acts, values * (bent / level) ** p[0], values)
 
@@ -137,6 +156,10 @@ class Saturation(Mechanism):
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL
 
+    def why_not(self, scene: Scene) -> str:
+        """The end of a roof meter's range has a name of its own."""
+        return "for roof meters this is meter-range-limit" if scene.kinds == ("roof",) else ""
+
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Three forms of the end, for one kind of instrument."""
         forms = ("gradual", "exponential", "clipped")
@@ -145,7 +168,7 @@ class Saturation(Mechanism):
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Compress towards the end of the range."""
         kind, form = branch.value
-        acts = np.asarray(scene.readings.kind == kind)
+        acts = _is_in(scene, kind)
         if p[0] <= 0 or not np.any(acts):
             return values
         end = branch.facts["top"] / p[0]

@@ -10,6 +10,11 @@ from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 from labdaq import directions
 
+_CLEAR_LOSS = 0.25
+"""Optical depth of clear air, to divide out the sun's way."""
+_BEYOND_AIR_LX = 1.3e5
+"""Illuminance of the sun outside the air [lx]."""
+
 
 class ClockOffset(Mechanism):
     """The recording's clock is off, so that the sun stood elsewhere than the simulation put it."""
@@ -29,15 +34,20 @@ class ClockOffset(Mechanism):
         ),
     )
     needs = "site and times; for the goniometer also the systems (for a new simulation) or a variant"
-    source = "S(t + d); sun by NREL SPA (Reda and Andreas 2004)"
+    narrow = Parameter(
+        "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
+    )
+    source = "S(t + d), under a steady sky or as the series itself went on; sun by NREL SPA (Reda and Andreas 2004)"
     tie_breaker = "log the time of each reading on both clocks"
-    kinds = ("goniometer", "roof")
+    kinds = ("goniometer", "roof", "sky")
 
     def why_not(self, scene: Scene) -> str:
         """The sun must be known at other times."""
         r = scene.readings
         if r.case.setup.site is None or not r.has_times:
             return "the case gives no site, or the records carry no time"
+        if scene.kinds == ("sky",):
+            return ""
         if not r.has_parts:
             return "the records do not give the sun and sky parts apart"
         if np.any(scene.is_gonio) and not np.any(scene.is_roof) and not self._of_the_image(scene):
@@ -47,10 +57,14 @@ class ClockOffset(Mechanism):
             )
         return ""
 
+    def form_error_in(self, scene: Scene) -> float:
+        """Between the directions of a picture the sky is only guessed."""
+        return 0.25 if scene.kinds == ("sky",) else self.form_error
+
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
         ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)
-        series = scene.kinds == ("roof",) and _series(scene)
+        series = scene.kinds == ("roof",) and series_of(scene)
         return (*ways, Branch("all daylight", "series")) if series else ways
 
     @staticmethod
@@ -62,26 +76,34 @@ class ClockOffset(Mechanism):
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """A whole series can only be shifted by a few of its own steps."""
         if branch.value != "series":
-            return self.parameters
+            return self.parameters if np.any(scene.is_gonio) else (self.narrow,)
         step = _step_min(scene)
         what = "true time minus recorded time"
         starts = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
         return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
 
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Turn the sky's pattern with the sun, where luminances were read.
+
+        As with all that a camera does, its clock is meant; where it is the prediction, the meter saw what it did not.
+        """
+        if not np.any(scene.is_sky):
+            return values
+        camera = np.array([c.kind == "camera" for c in scene.readings.case.channels])[scene.readings.channel]
+        change = np.where(camera, 1.0, -1.0) * scene.sky_shape.later(float(p[0]))
+        return np.where(scene.is_sky, values * np.exp(change), values)
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
-        r = scene.readings
         if branch.value == "series":
             sun, sky = _later(scene, float(p[0]))
             light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
             light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
             return
         if np.any(scene.is_roof):
-            later = sun_at(r.case, r.utc_ns + np.int64(round(p[0] * 60e9)))[0]
-            ratio = np.sin(np.radians(np.maximum(later, 0.5))) / np.sin(
-                np.radians(np.maximum(r.sun_altitude_at_deg, 0.5))
-            )
-            light.sun_factor = np.where(scene.is_roof, light.sun_factor * ratio, light.sun_factor)
+            sun, sky = _clear_later(scene, float(p[0]))
+            light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
+            light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
         if branch.value == "image":
             light.sun = _with_the_sun(scene, light.sun, float(p[0]))
             return
@@ -110,14 +132,32 @@ def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
     return turned(field, axis, np.degrees(np.arctan2(sine, np.sum(now * later, axis=1))))
 
 
+def _clear_later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
+    """Sun and sky part under a steady sky ``minutes`` later, over those now; shapes (N,).
+
+    The beam's loss in the air grows with the air mass (Kasten 1966); the sky brightens as the root of the sun's height.
+    """
+    r = scene.readings
+    later = np.maximum(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0], 0.5)
+    now = np.maximum(r.sun_altitude_at_deg, 0.5)
+    height = np.sin(np.radians(later)) / np.sin(np.radians(now))
+    normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
+    lost = -np.log(np.clip(normal / _BEYOND_AIR_LX, 0.02, 0.98))  # through today's air mass, cloud included
+    return height * np.exp(-lost * (_air_mass(later) / _air_mass(now) - 1.0)), np.sqrt(height)
+
+
+def _air_mass(altitude_deg: Floats) -> Floats:
+    return np.asarray(1.0 / (np.sin(np.radians(altitude_deg)) + 0.15 * (altitude_deg + 3.885) ** -1.253))
+
+
 def _step_min(scene: Scene) -> float:
     """Usual time between readings of a channel [min]."""
     r = scene.readings
-    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in _series(scene)]
+    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in series_of(scene)]
     return float(np.median(np.concatenate(steps))) / 60e9
 
 
-def _series(scene: Scene) -> list[tuple[int, int]]:
+def series_of(scene: Scene) -> list[tuple[int, int]]:
     """Tests and channels whose readings make a series."""
     r = scene.readings
     pairs, counts = np.unique(np.stack([r.test, r.channel], axis=1), axis=0, return_counts=True)
@@ -125,13 +165,62 @@ def _series(scene: Scene) -> list[tuple[int, int]]:
 
 
 def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
-    """Sun and sky part ``minutes`` later over those now, from the predicted series itself; shapes (N,)."""
+    """Sun and sky part ``minutes`` later over those now; shapes (N,).
+
+    What the air lets through is read from the predicted series itself; the sun's way is added as under a steady sky, so
+    that the ends of a series, where nothing is known of later clouds, still move with the sun.
+    """
     r = scene.readings
-    sun, sky = np.ones(len(r)), np.ones(len(r))
-    for k, c in _series(scene):
+    sun, sky = (part.copy() for part in _clear_later(scene, minutes))
+    passed = (r.sun / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.sky)
+    for k, c in series_of(scene):
         rows = np.flatnonzero((r.test == k) & (r.channel == c))
         rows = rows[np.argsort(r.utc_ns[rows])]
-        t = r.utc_ns[rows] / 60e9
-        for factor, part in ((sun, r.sun[rows]), (sky, r.sky[rows])):
-            factor[rows] = np.interp(t + minutes, t, part) / np.maximum(part, 1e-9 * max(float(part.max()), 1e-9))
+        t = r.utc_ns[rows] / 6e10
+        then = sun_at(r.case, r.utc_ns[rows] + np.int64(round(minutes * 60e9)))[0]
+        beam = _clear_beam(then) / np.maximum(_clear_beam(r.sun_altitude_at_deg[rows]), 1e-9)
+        inside = (t + minutes >= t[0]) & (t + minutes <= t[-1])
+        for factor, part, way in ((sun, passed[0][rows], beam), (sky, passed[1][rows], 1.0)):
+            floor = 1e-9 * max(float(part.max()), 1e-9)
+            moved = way * _moved(t, part, minutes) / np.maximum(part, floor)
+            factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
     return sun, sky
+
+
+def _moved(t: Floats, part: Floats, minutes: float) -> Floats:
+    """A series ``minutes`` later; for less than a step by its slope across the neighbours.
+
+    Straight lines between points would take off each point's own noise for the smallest move: a noisy prediction would
+    then always gain from an offset.
+    """
+    step = float(np.median(np.diff(t)))
+    far = min(abs(minutes) / max(step, 1e-9), 1.0)
+    return np.asarray((1.0 - far) * (part + minutes * np.gradient(part, t)) + far * np.interp(t + minutes, t, part))
+
+
+def _clear_beam(altitude_deg: Floats) -> Floats:
+    """Horizontal beam under clear air, up to a constant; (N,)."""
+    height = np.maximum(altitude_deg, 0.5)
+    return np.asarray(np.sin(np.radians(height)) * np.exp(-_CLEAR_LOSS * _air_mass(height)))
+
+
+def unrest(scene: Scene) -> Floats:
+    """How fast the predicted daylight wanders under broken cloud: ln per root of a minute at each row; (N,).
+
+    From the second differences of a series, which the sun's even way leaves near zero: for a random walk their mean
+    square is twice that of the steps, and grows with the time between readings. Zero where there is no series.
+    """
+    r = scene.readings
+    found = np.zeros(len(r))
+    for k, c in series_of(scene):
+        rows = np.flatnonzero((r.test == k) & (r.channel == c))
+        rows = rows[np.argsort(r.utc_ns[rows])]
+        if len(rows) < 4:
+            continue
+        level = np.log(np.maximum(r.simulated[rows], r.floor[rows]))
+        step = np.maximum(np.diff(r.utc_ns[rows]) / 6e10, 1e-3)
+        rate = np.diff(level, n=2) ** 2 / (step[:-1] + step[1:])
+        middle = np.arange(1, len(rows) - 1)
+        near = np.exp(-0.5 * (np.arange(len(rows))[:, None] - middle[None, :]) ** 2)
+        found[rows] = np.sqrt(near @ rate / near.sum(axis=1))
+    return found

@@ -60,11 +60,9 @@ def test_a_state_acts_on_its_side_of_the_instant_in_tests_of_any_name(tmp_path: 
         assert made[len(acts) :] == pytest.approx(total * np.where(acts, 1.05, 1.0), rel=1e-6)
 
 
-def test_the_steep_law_is_not_taken_for_the_gentle(tmp_path: Path) -> None:
+def test_the_steepness_of_a_law_is_kept(tmp_path: Path) -> None:
     roof_case(tmp_path / "case", {})
-    gentle, steep = (
-        corrected(tmp_path / "case", model("meter-cosine", f"velux ({law} law)", ["error_at_60deg"], [0.1]))
-        for law in ("gentle", "steep")
-    )
+    names = ["error_at_60deg", "steepness"]
+    gentle, steep = (corrected(tmp_path / "case", model("meter-cosine", "velux", names, [0.1, k])) for k in (1.0, 2.5))
     low = sun_of(ROOF_TESTS, 60.0)[0] < 20.0
     assert np.all(steep[: len(low)][low] > gentle[: len(low)][low])

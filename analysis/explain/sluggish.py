@@ -1,0 +1,51 @@
+"""A meter that follows the light slowly: a law outside the catalogue that looks much like a clock's offset.
+
+An offset moves the series; a slow meter also smooths it. Where clouds pass, the two can be told apart.
+"""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.timing import series_of
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Scene
+
+
+class Sluggish(Mechanism):
+    """The reading is the light of the last minutes, weighted by exp(-age / time constant)."""
+
+    id = "sluggish response"
+    stage = Stage.SENSORS
+    leaves_out = "The meter follows the light slowly."
+    parameters = (Parameter("lag_min", "min", "time constant", 0.0, 60.0, 4.0, (0.3, 1.5, 6.0)),)
+    source = "first-order low pass of the predicted series, read as straight lines between its points"
+    kinds = ("roof",)
+
+    def why_not(self, scene: Scene) -> str:
+        """A series of times."""
+        if scene.kinds != ("roof",) or not scene.readings.has_times:
+            return "there is no series of times"
+        return "" if series_of(scene) else "there is no series of times"
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Low-pass each series; it starts settled."""
+        if p[0] < 1e-6:
+            return values
+        r, made = scene.readings, values.copy()
+        for k, c in series_of(scene):
+            rows = np.flatnonzero((r.test == k) & (r.channel == c))
+            rows = rows[np.argsort(r.utc_ns[rows])]
+            made[rows] = low_passed(r.utc_ns[rows] / 6e10, values[rows], float(p[0]))
+        return made
+
+
+def low_passed(t: Floats, x: Floats, constant: float) -> Floats:
+    """First-order low pass of straight lines through (t, x); the start is that of the first line going on for ever."""
+    slope = np.diff(x) / np.maximum(np.diff(t), 1e-9)
+    y = np.empty_like(x)
+    y[0] = x[0] - (slope[0] * constant if len(slope) else 0.0)
+    for i, along in enumerate(slope):
+        fade = np.exp(-(t[i + 1] - t[i]) / constant)
+        y[i + 1] = x[i + 1] - along * constant + (y[i] - x[i] + along * constant) * fade
+    return y

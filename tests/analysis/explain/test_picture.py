@@ -1,0 +1,62 @@
+"""Pictures of the sky: what errs together in them, and what nobody has named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.explain.answer import answer
+from analysis.explain.mismatch import explain
+from analysis.explain.noise import GRID_OF_SKY, blocks_of, grid_of
+from analysis.explain.readings import Readings
+from analysis.explain.scene import Scene
+from analysis.explain.sky_error import USUAL, sky_error_effects
+from tests.analysis.explain.campaign import Floats
+from tests.analysis.explain.roof import SKY_TESTS, luminance, picture_points, sky_case, sun_distance
+
+ZENITH, ROUND = picture_points()
+
+
+def seen(change: Floats, seed: int = 3) -> Floats:
+    """What the camera reads with a relative ``change`` (160,), one per cent of gain a test and one of noise."""
+    rng = np.random.default_rng(seed)
+    true = np.concatenate([luminance(t, ZENITH, ROUND) for t in SKY_TESTS])
+    gain = np.repeat(1.0 + 0.01 * rng.normal(size=len(SKY_TESTS)), len(ZENITH))
+    return np.asarray(true * (1.0 + change) * gain * (1.0 + 0.01 * rng.normal(size=len(true))))
+
+
+def test_each_picture_is_a_block_and_the_flat_field_is_shared(tmp_path: Path) -> None:
+    scene = Scene(Readings.of(sky_case(tmp_path / "case")))
+    assert [len(b.rows) for b in blocks_of(scene.readings)] == [len(ZENITH)] * len(SKY_TESTS)
+    assert grid_of(scene.readings) == GRID_OF_SKY
+    effects = sky_error_effects(scene)
+    covariance = effects @ effects.T
+    assert np.sqrt(np.diag(covariance)) == pytest.approx(USUAL, rel=0.02)
+    again = covariance[:40, 40:80] / USUAL**2
+    assert np.diag(again) == pytest.approx(1.0, rel=0.05), "the same direction errs alike in another test"
+    assert again[0, 25:40].max() < 0.6, "the rim errs by itself"
+
+
+def test_noise_and_gains_of_tests_are_no_mismatch(tmp_path: Path) -> None:
+    content = answer(explain(sky_case(tmp_path / "case", seen(np.zeros(160)))))
+    assert content["verdict"] == "no-mismatch"
+
+
+def test_a_small_fall_off_is_named_where_the_noise_is_small(tmp_path: Path) -> None:
+    rim = np.tile((ZENITH / 90.0) ** 3, len(SKY_TESTS))
+    (first,) = answer(explain(sky_case(tmp_path / "case", seen(-0.12 * rim))))["mechanisms"]
+    assert first["id"] == "vignetting"
+    told = first["parameters"]["loss_at_rim"]
+    assert (
+        abs(told["value"] - 0.12) < 2.5 * told["uncertainty"] + 0.03
+    )  # the laws' rims differ, their fall-off does not
+
+
+def test_what_turns_with_the_sun_and_has_no_name_gets_none(tmp_path: Path) -> None:
+    """A patch opposite to the sun, a ghost of it: located in the sun's frame, called by no name of the catalogue."""
+    ghost = [
+        0.8 * np.exp(-((sun_distance(ZENITH, ROUND, t.sun[0], t.sun[1] + 180.0) / 22.0) ** 2)) for t in SKY_TESTS[:3]
+    ]
+    content = answer(explain(sky_case(tmp_path / "case", seen(np.concatenate([*ghost, np.zeros(40)])))))
+    assert content["verdict"] in {"unexplained", "partly-explained"}
+    assert content["mismatch"], "it is located"

@@ -1,0 +1,172 @@
+"""Series of a roof meter under broken cloud, and what keeps their explanation honest."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.cases import Case, write_case
+from analysis.cases.model import CaseFile, Records
+from analysis.explain.answer import answer
+from analysis.explain.mechanisms.timing import _moved, unrest
+from analysis.explain.mismatch import explain
+from analysis.explain.noise import blocks_of
+from analysis.explain.readings import Readings, sun_at
+from analysis.explain.scene import Scene
+from analysis.explain.sky_flux import RINGS_DEG, SkyFlux, _flux
+from analysis.explain.sluggish import low_passed
+from tests.analysis.explain.campaign import SITE, Floats
+from tests.analysis.explain.roof import beam_and_sky
+
+STEP_S = 600
+DAYS = tuple(datetime(2010, 7, day, 13, 0, tzinfo=UTC) for day in (20, 21, 22))
+COUNT = 40
+
+
+def moments(late_s: float = 0.0) -> Floats:
+    """Times of all readings [ns], ``late_s`` later; (120,)."""
+    starts = np.array([int(d.timestamp()) for d in DAYS])
+    return np.asarray((starts[:, None] + STEP_S * np.arange(COUNT) + late_s) * 1e9).ravel()
+
+
+def cloud(moment_ns: Floats, per_root_min: float) -> Floats:
+    """The beam's share that gets through: an even random walk by half minutes, the same whoever asks; (120,)."""
+    rng = np.random.default_rng(5)
+    t = (moment_ns / 1e9 - DAYS[0].timestamp()) / 30.0
+    walk = np.cumsum(rng.normal(0.0, per_root_min * np.sqrt(0.5), int(t.max()) + 200))
+    return np.asarray(1.0 / (1.0 + np.exp(-np.interp(t + 100.0, np.arange(len(walk)), walk - walk.mean()))))
+
+
+def series(folder: Path, late_s: float = 0.0, per_root_min: float = 0.3, gain: float = 1.0) -> Case:
+    """A meter whose clock is wrong, beside a true one; noise of a third of a per cent on each."""
+    rng = np.random.default_rng(8)
+    light, parts = [], None
+    for late in (0.0, late_s):
+        at = moments(late)
+        table = CaseFile.model_validate({"format": "labdaq-case/1", "site": SITE, **_facts()})
+        altitude = _altitude(at)
+        beam, sky = beam_and_sky(altitude)
+        beam = beam * cloud(at, per_root_min)
+        parts = parts or (beam, sky)
+        light.append((beam + sky) * (1.0 + 0.003 * rng.normal(size=len(at))))
+    assert parts is not None
+    n = len(light[0])
+    share = light[0] / (parts[0] + parts[1])
+    records = Records(
+        test=np.repeat(np.arange(len(DAYS)), COUNT),
+        channel=np.zeros(n, dtype=np.int64),
+        utc_ns=moments().astype(np.int64),
+        gamma_deg=np.full(n, np.nan),
+        c_deg=np.full(n, np.nan),
+        measured=gain * light[1],
+        uncertainty=0.003 * light[1],
+        simulated=light[0],
+        sun=parts[0] * share,
+        sky=parts[1] * share,
+    )
+    return write_case(folder, table, records, replace=True)
+
+
+def _facts() -> dict[str, object]:
+    return {
+        "channel": [{"id": "roof", "kind": "illuminance-meter", "quantity": "illuminance", "unit": "lx"}],
+        "test": [
+            {"id": f"D{k}", "start": d, "end": d + timedelta(seconds=STEP_S * COUNT), "sky": "partly-cloudy",
+             "global_illuminance_lx": 60_000.0, "diffuse_illuminance_lx": 16_000.0}
+            for k, d in enumerate(DAYS)
+        ],
+    }  # fmt: skip
+
+
+def _altitude(moment_ns: Floats) -> Floats:
+    from analysis.sky.sun import Site, sun_position
+
+    place = Site(SITE["latitude_deg"], SITE["longitude_deg"], SITE["elevation_m"])
+    return np.asarray(sun_position(moment_ns.astype(np.int64), place).altitude_deg)
+
+
+def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> None:
+    """Ten minutes lie between readings: no formula says what the cloud did in half a minute, its size does."""
+    content = answer(explain(series(tmp_path / "case", late_s=40.0)))
+    assert content["verdict"] == "explained"
+    (first,) = content["mechanisms"]
+    assert first["id"] == "clock-offset"
+    told = first["parameters"]["offset_min"]
+    assert abs(told["value"] - 40.0 / 60.0) < 2.0 * told["uncertainty"] < 4.0, "neither wrong nor without content"
+
+
+def test_two_true_clocks_are_left_alone(tmp_path: Path) -> None:
+    """The prediction's own noise must not look like an offset: interpolating it away would gain."""
+    assert answer(explain(series(tmp_path / "case")))["verdict"] == "no-mismatch"
+
+
+def test_a_gain_is_not_taken_for_a_clock(tmp_path: Path) -> None:
+    (first,) = answer(explain(series(tmp_path / "case", gain=1.05)))["mechanisms"]
+    assert first["id"] == "meter-gain"
+    assert first["parameters"]["error"]["value"] == pytest.approx(0.05, abs=0.015)
+
+
+def test_unrest_is_what_the_cloud_does_in_a_minute(tmp_path: Path) -> None:
+    """ln of (beam + sky) walks by the walk's step times d ln / d walk, which is known where the cloud is."""
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=0.1)))
+    r = scene.readings
+    share = cloud(moments(), 0.1)
+    expected = 0.1 * (1.0 - share) * r.sun / r.simulated
+    assert np.sqrt(np.mean(unrest(scene) ** 2)) == pytest.approx(np.sqrt(np.mean(expected**2)), rel=0.35)
+
+
+def test_no_unrest_under_a_clear_sky(tmp_path: Path) -> None:
+    """What is left is the prediction's noise: three tenths of a per cent, twice differenced, over twenty minutes."""
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=0.0)))
+    assert np.sqrt(np.mean(unrest(scene) ** 2)) < 1.5 * 0.003 * np.sqrt(6.0 / 20.0) + 0.002
+
+
+def test_a_small_move_does_not_take_a_points_own_noise_off() -> None:
+    t = np.arange(12.0) * 10.0
+    spike = np.zeros(12)
+    spike[6] = 1.0
+    assert _moved(t, spike, 0.5)[6] == pytest.approx(1.0, abs=0.06)
+    ramp = 3.0 + 0.2 * t
+    for minutes in (0.5, 4.0, -17.0):
+        inside = (t + minutes >= 0.0) & (t + minutes <= t[-1])
+        assert _moved(t, ramp, minutes)[inside] == pytest.approx((ramp + 0.2 * minutes)[inside])
+
+
+def test_a_low_pass_lags_a_ramp_and_settles_after_a_step() -> None:
+    t = np.arange(40.0)
+    assert low_passed(t, 5.0 + 2.0 * t, 3.0) == pytest.approx(5.0 + 2.0 * (t - 3.0))
+    step = np.where(t >= 10.0, 1.0, 0.0)
+    made = low_passed(t, step, 3.0)
+    assert made[20] == pytest.approx(1.0 - (1.0 - made[10]) * np.exp(-10.0 / 3.0))
+    assert made[39] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_day_is_one_block_and_days_are_not_remembered(tmp_path: Path) -> None:
+    readings = Readings.of(series(tmp_path / "case"))
+    assert [len(b.rows) for b in blocks_of(readings)] == [COUNT] * len(DAYS)
+
+
+@pytest.mark.parametrize(("height", "normal"), [(20.0, 60_000.0), (50.0, 90_000.0), (75.0, 20_000.0)])
+def test_the_sky_on_a_level_meter_is_that_of_its_rings(height: float, normal: float) -> None:
+    """Shares add up; the sunward flow is that of a plain grid of directions."""
+    from analysis.sky.perez import PerezSky
+
+    shares, sunward = _flux(height, normal, 15_000.0)
+    zenith, round_ = np.meshgrid(np.radians(np.arange(0.5, 90.0)), np.radians(np.arange(1.0, 360.0, 2.0)))
+    v = np.stack([np.sin(zenith) * np.sin(round_), np.sin(zenith) * np.cos(round_), np.cos(zenith)], axis=-1)
+    flow = PerezSky.from_illuminances(normal, 15_000.0, height, 0.0).luminance(v) * np.sin(zenith)
+    assert shares.sum() == pytest.approx(1.0, abs=1e-6)
+    assert sunward == pytest.approx(float(np.sum(flow * v[..., 1]) / np.sum(flow * v[..., 2])), abs=0.02)
+    level = flow * v[..., 2]
+    low = float(level[zenith > np.radians(60.0)].sum() / level.sum())
+    assert shares[RINGS_DEG > 60.0].sum() == pytest.approx(low, abs=0.01)
+
+
+def test_no_beam_no_sunward_flow_to_speak_of(tmp_path: Path) -> None:
+    """Under an overcast sky the flow comes from above, and what is unknown is an even sky."""
+    assert abs(_flux(50.0, 0.0, 20_000.0)[1]) < 0.06
+    readings = Readings.of(series(tmp_path / "case"))
+    flux = SkyFlux.of(readings)
+    assert flux.sunward.min() > -0.05 and flux.sunward.max() < 1.0
+    assert sun_at(readings.case, readings.utc_ns)[0].min() > 5.0  # the case has no night
