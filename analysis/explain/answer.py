@@ -23,7 +23,7 @@ FORMAT = "labdaq-explanation/1"
 
 
 def answer(e: Explanation) -> dict[str, Any]:
-    """The contract's JSON object, + ``findings``, ``ruled_out``, ``leftover``, ``unnamed``, ``evidence``, ``model``."""
+    """The contract's JSON object, with more keys of our own (docs/explaining.md)."""
     found = e.conclusion
     return {
         "format": FORMAT,
@@ -44,6 +44,7 @@ def answer(e: Explanation) -> dict[str, Any]:
             {"ids": list(h.ids), "nats_over_nothing": _round(h.evidence - found.nothing.evidence)}
             for h in found.singles
         ],
+        "shared_error": e.shared.told(),
         "model": [_model(term, found.best.fit, k) for k, term in enumerate(found.best.fit.terms)],
     }
 
@@ -140,6 +141,7 @@ def _fit(e: Explanation) -> dict[str, Any]:
             "scheme": e.held_out.scheme,
             "before": {"rms_percent": _round(100 * e.held_out.before)},
             "after": {"rms_percent": _round(100 * e.held_out.after)},
+            "after_with_shared_error": {"rms_percent": _round(100 * e.held_out.with_shared_error)},
             "groups": [
                 {"left_out": n, "before": _round(100 * b), "after": _round(100 * a)} for n, b, a in e.held_out.groups
             ],

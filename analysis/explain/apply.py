@@ -1,7 +1,7 @@
 """Apply what was found to other tests of the same station, with the fitted parameters and no new fit."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator, retraced_of
 from analysis.explain.scene import Scene
+from analysis.explain.shared_error import SharedError
 from labdaq.errors import DataError
 
 _SIMULATED = {
@@ -29,8 +30,19 @@ _SIMULATED = {
 }
 
 
-def read_model(folder: Path) -> list[dict[str, Any]]:
-    """The fitted mechanisms of ``folder/explanation.json``; raises `DataError` if it is not an explanation."""
+@dataclass(frozen=True)
+class Model:
+    """What an explanation says of other cases: mechanisms as they were fitted, and the simulation's shared error."""
+
+    entries: tuple[dict[str, Any], ...] = ()
+    shared: SharedError = field(default_factory=lambda: SharedError({}, {}))
+
+
+def read_model(folder: Path) -> Model:
+    """The fitted mechanisms of ``folder/explanation.json``; raises `DataError` if it is not an explanation.
+
+    Where nothing is named, nothing is corrected.
+    """
     path = folder / "explanation.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -43,9 +55,12 @@ def read_model(folder: Path) -> list[dict[str, Any]]:
     if not _is_explanation(content):
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote")
     if content["verdict"] in {"no-mismatch", "unexplained"}:
-        return []
-    model: list[dict[str, Any]] = content["model"]
-    return model
+        return Model()
+    try:
+        shared = SharedError.of(content["shared_error"])
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise DataError(f"{path}: not an explanation that `labdaq explain` wrote") from None
+    return Model(tuple(content["model"]), shared)
 
 
 def _is_explanation(content: object) -> bool:
@@ -66,22 +81,26 @@ def _is_entry(entry: object) -> bool:
     return len(sizes) == 1 and isinstance(facts, dict) and all(isinstance(x, int | float) for x in facts.values())
 
 
-def apply_model(model: list[dict[str, Any]], case: Case, simulator: Simulator | None = None) -> str:
+def apply_model(model: Model, case: Case, simulator: Simulator | None = None) -> str:
     """The case's records with ``corrected`` and ``corrected_uncertainty``, as CSV text; ``measured`` is not looked at.
+
+    On the named mechanisms follows what the fitted tests say of the simulation's own error, for systems and sensors of
+    the same names.
 
     Raises `DataError` when a mechanism cannot be applied because the case lacks what it needs.
     """
     readings = Readings.of(case, measured_only=False)
     scene = Scene(readings, retraced_of(case, simulator))
-    terms = tuple(_term(entry, scene) for entry in model)
-    theta = np.array([x for entry in model for x in entry["theta"]])
-    sd = np.array([x for entry in model for x in entry["sd"]])
+    terms = tuple(_term(entry, scene) for entry in model.entries)
+    theta = np.array([x for entry in model.entries for x in entry["theta"]])
+    sd = np.array([x for entry in model.entries for x in entry["sd"]])
     corrected = predict(scene, terms, theta)
     variance = np.zeros(len(readings))
     for k in range(len(theta)):
         moved = theta.copy()
         moved[k] += 0.1 * sd[k]
         variance += ((predict(scene, terms, moved) - corrected) / 0.1) ** 2
+    corrected = corrected * np.exp(model.shared.at(readings))
     variance += (_usual(readings) * corrected) ** 2
     return records_with(case, corrected / readings.unit_factor, np.sqrt(variance) / readings.unit_factor)
 

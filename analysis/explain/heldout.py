@@ -14,6 +14,7 @@ from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import Hyper
 from analysis.explain.readings import ROOF, Readings
 from analysis.explain.scene import Scene
+from analysis.explain.shared_error import SharedError, shared_error
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,15 @@ class HeldOut:
         rms of the relative deviation, a free gain per test removed [1].
     groups
         Per left-out group: name, before, after.
+    with_shared_error
+        As ``after``, with what the other tests say of the simulation's own error.
     """
 
     scheme: str
     before: float
     after: float
     groups: tuple[tuple[str, float, float], ...]
+    with_shared_error: float = 0.0
 
 
 def held_out(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper) -> HeldOut | None:
@@ -50,23 +54,28 @@ def held_out(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper)
         scheme, label = "leave-one-sky-out", np.array([skies[k] or "" for k in range(len(skies))])[r.test]
     else:
         scheme, label = "leave-one-test-out", np.array([t.id for t in r.case.tests])[r.test]
-    before, after = deviations(r, r.simulated), np.zeros(len(r))
+    before, after, with_shared = deviations(r, r.simulated), np.zeros(len(r)), np.zeros(len(r))
     groups = []
     for name in dict.fromkeys(label.tolist()):
         out = label == name
-        fitted = _fit_without(scene, terms, theta, hyper, ~out)
+        fitted, learned = _fit_without(scene, terms, theta, hyper, ~out)
         corrected = predict(scene, terms, fitted)
         after[out] = deviations(r, corrected)[out]
+        with_shared[out] = deviations(r, corrected * np.exp(learned.at(r)))[out]
         groups.append((str(name), rms(before[out]), rms(after[out])))
-    return HeldOut(scheme, rms(before), rms(after), tuple(groups))
+    return HeldOut(scheme, rms(before), rms(after), tuple(groups), rms(with_shared))
 
 
-def _fit_without(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper, keep: np.ndarray) -> Floats:
-    """Parameters fitted to the rows kept; the terms keep the reference levels of the whole fit."""
+def _fit_without(
+    scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper, keep: np.ndarray
+) -> tuple[Floats, SharedError]:
+    """Parameters fitted to the rows kept (terms keep the reference levels of the whole fit), and the shared error."""
     if len(theta) == 0:
-        return theta
+        return theta, SharedError({}, {})
     part = replace(scene, readings=scene.readings.only(keep), memory={})
-    return Fitter(part).fit(terms, theta, hyper).theta
+    fitter = Fitter(part)
+    fit = fitter.fit(terms, theta, hyper)
+    return fit.theta, shared_error(fitter, fit.residual, hyper)
 
 
 def deviations(readings: Readings, model: Floats) -> Floats:

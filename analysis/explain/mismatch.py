@@ -19,6 +19,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator, retraced_of
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.shared_error import SharedError, shared_error
 
 LOOKING = Hyper(1.0, 1.0, 0.4)
 """Size of the usual nuisances, when it is asked where (not why) something differs."""
@@ -30,6 +31,8 @@ class Explanation:
 
     Attributes
     ----------
+    shared
+        What the simulation gets wrong alike in all tests of a system.
     again
         The found physics put into our own simulation, where it is a setting of one.
     mismatch, leftover
@@ -52,6 +55,7 @@ class Explanation:
     held_out: HeldOut | None
     not_tried: dict[str, str] = field(default_factory=dict)
     again: Again | None = None
+    shared: SharedError = field(default_factory=lambda: SharedError({}, {}))
 
 
 def explain(
@@ -104,6 +108,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         held_out=outside,
         not_tried=search.not_tried,
         again=again,
+        shared=shared_error(fitter, best.residual, best.hyper, extra) if kept.ids else SharedError({}, {}),
     )
 
 

@@ -30,9 +30,14 @@ def days_of(r: Readings) -> NDArray[np.int64]:
 def by_direction(r: Readings, rows: NDArray[np.int64]) -> Floats:
     """Squared-exponential correlations of directions, mixed of three widths; rows without one look up."""
     v = directions.vector(np.nan_to_num(r.gamma_deg[rows], nan=180.0), np.nan_to_num(r.c_deg[rows]))
-    half_chord2 = np.maximum(1.0 - v @ v.T, 0.0)  # = 2 sin²(a/2), about a²/2
+    return nearness(v, v, str(r.kind[rows[0]]))
+
+
+def nearness(v: Floats, w: Floats, kind: str) -> Floats:
+    """Correlation (N, M) of directions given as unit vectors (N, 3) and (M, 3), for a kind of channel."""
+    half_chord2 = np.maximum(1.0 - v @ w.T, 0.0)  # = 2 sin²(a/2), about a²/2
     near = np.zeros_like(half_chord2)
-    for share, width_deg in _WIDTHS[str(r.kind[rows[0]])]:
+    for share, width_deg in _WIDTHS[kind]:
         near += share * np.exp(-half_chord2 / np.radians(width_deg) ** 2)
     return near
 

@@ -206,6 +206,13 @@ class Blocks:
             white[block.rows] = solve_triangular(factor, columns[block.rows], lower=True, check_finite=False)
         return white
 
+    def solved_back(self, white: Floats) -> Floats:
+        """Columns (N, k) divided by the factors' transposes."""
+        made = np.empty_like(white)
+        for block, factor in zip(self._blocks, self._factors, strict=True):
+            made[block.rows] = solve_triangular(factor, white[block.rows], lower=True, trans="T", check_finite=False)
+        return made
+
 
 class Solved:
     """Independent effects (N, K), already solved by the block factors, with the products that covariances need."""
@@ -292,6 +299,12 @@ class Whitener:
         u, size, _ = np.linalg.svd(self._effects, full_matrices=False)
         shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
         return np.asarray(white - u @ (shrink[:, None] * (u.T @ white)))
+
+    def weights(self, residual: Floats) -> Floats:
+        """Σ⁻¹ ``residual``; shape (N,)."""
+        white = self.solved(residual[:, None])
+        left = white - self._effects @ cho_solve(self._inner, self._onto(white))
+        return np.asarray(self.blocks.solved_back(left)[:, 0])
 
     def effects_mean(self, residual: Floats) -> Floats:
         """Expected size (K,) of each effect given a residual (N,), in units of its own standard deviation."""

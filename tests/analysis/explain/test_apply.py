@@ -1,24 +1,24 @@
 """An explanation on another case: it acts in its own way and place, or says that it cannot."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.cases import read_case
-from analysis.explain.apply import apply_model
+from analysis.explain.apply import Model, apply_model
 from labdaq.errors import DataError
 from tests.analysis.explain.campaign import WITHHELD, Floats, light, make_case, rows_of
 from tests.analysis.explain.roof import ROOF_TESTS, beam_and_sky, roof_case, sun_of
 from tests.analysis.explain.test_recovery import _columns
 
 
-def model(mechanism: str, way: str, names: list[str], theta: list[float], **facts: float) -> list[dict[str, Any]]:
-    return [{"id": mechanism, "way": way, "names": names, "theta": theta, "sd": [0.01] * len(theta), "facts": facts}]
+def model(mechanism: str, way: str, names: list[str], theta: list[float], **facts: float) -> Model:
+    entry = {"id": mechanism, "way": way, "names": names, "theta": theta, "sd": [0.01] * len(theta), "facts": facts}
+    return Model((entry,))
 
 
-def corrected(case_folder: Path, what: list[dict[str, Any]]) -> Floats:
+def corrected(case_folder: Path, what: Model) -> Floats:
     return _columns(apply_model(what, read_case(case_folder, need_measured=False)), "corrected")[0]
 
 

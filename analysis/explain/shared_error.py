@@ -1,0 +1,96 @@
+"""What a simulation gets wrong alike in all tests of a system, learned from the tests that were fitted.
+
+Beside every mechanism stands the smooth error of the simulated lens, and each sensor's gain. Their posterior means
+given the fitted tests (Gaussian-process regression; Rasmussen and Williams 2006, ch. 2) hold for other tests of the
+same systems and sensors as well, and bring a prediction closer than the mechanisms alone.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fit import Extra, Fitter
+from analysis.explain.nearness import nearness
+from analysis.explain.noise import GAIN_OF_SENSORS, USUAL, Hyper
+from analysis.explain.readings import GONIOMETER, Readings
+from labdaq import directions
+
+GAMMA_DEG = np.arange(0.0, 90.1, 5.0)
+C_DEG = np.arange(0.0, 360.0, 10.0)
+
+
+@dataclass(frozen=True)
+class SharedError:
+    """Relative errors that tests share.
+
+    Attributes
+    ----------
+    systems
+        System's id to its error on `C_DEG` x `GAMMA_DEG`, shape (P, G).
+    sensors
+        Channel's id to its gain's error.
+    """
+
+    systems: dict[str, Floats]
+    sensors: dict[str, float]
+
+    def at(self, readings: Readings) -> Floats:
+        """Relative error of each row's prediction; shape (N,); zero for systems and sensors that were not fitted."""
+        r = readings
+        found = np.array([self.sensors.get(c.id, 0.0) for c in r.case.channels])[r.channel]
+        names = [t.system or "" for t in r.case.tests]
+        for name, table in self.systems.items():
+            rows = np.flatnonzero(np.array([n == name for n in names])[r.test] & (r.kind == GONIOMETER))
+            found[rows] += _read(table, np.nan_to_num(r.gamma_deg[rows]), np.nan_to_num(r.c_deg[rows]))
+        return np.asarray(found)
+
+    def told(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return {
+            "gamma_deg": GAMMA_DEG.tolist(),
+            "c_deg": C_DEG.tolist(),
+            "systems": {name: np.round(table, 5).tolist() for name, table in self.systems.items()},
+            "sensors": {name: round(gain, 5) for name, gain in self.sensors.items()},
+        }
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> "SharedError":
+        """From what `told` gave; raises `ValueError`, `KeyError` or `TypeError` where it is something else."""
+        systems = {str(k): np.array(v, dtype=np.float64) for k, v in told["systems"].items()}
+        if any(table.shape != (len(C_DEG), len(GAMMA_DEG)) for table in systems.values()):
+            raise ValueError("a table of another grid")
+        return cls(systems, {str(k): float(v) for k, v in told["sensors"].items()})
+
+
+def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> SharedError:
+    """Posterior mean of what the tests share, given the residual (N,) of the accepted explanation."""
+    r = fitter.scene.readings
+    weights = fitter.whitener(hyper, extra).weights(residual)
+    loud = np.abs(r.measured) / r.scale
+    systems, sensors = {}, {}
+    gamma, c = (x.ravel() for x in np.meshgrid(GAMMA_DEG, C_DEG))
+    grid = directions.vector(gamma, c)
+    usual = USUAL[GONIOMETER]
+    for k in np.unique(r.system[r.test[r.kind == GONIOMETER]]) if GONIOMETER in r.kind else ():
+        rows = np.flatnonzero((r.system[r.test] == k) & (r.kind == GONIOMETER))
+        near = nearness(grid, directions.vector(r.gamma_deg[rows], r.c_deg[rows]), GONIOMETER)
+        covariance = (hyper.shape * usual.shape) ** 2 * near + usual.level**2
+        name = r.case.tests[r.test[rows[0]]].system or ""
+        systems[name] = (covariance @ (loud * weights)[rows]).reshape(len(C_DEG), len(GAMMA_DEG))
+    for channel in np.unique(r.channel[r.kind == GONIOMETER]):
+        mine = r.channel == channel
+        sensors[r.case.channels[channel].id] = GAIN_OF_SENSORS**2 * float((loud * weights)[mine].sum())
+    return SharedError(systems, sensors)
+
+
+def _read(table: Floats, gamma_deg: Floats, c_deg: Floats) -> Floats:
+    """Bilinear reading of a table (P, G), periodic in C."""
+    x = np.clip(gamma_deg / GAMMA_DEG[1], 0.0, len(GAMMA_DEG) - 1.000001)
+    y = np.mod(c_deg, 360.0) / C_DEG[1]
+    i, j = x.astype(np.intp), y.astype(np.intp) % len(C_DEG)
+    u, v, k = x - i, y - np.floor(y), (j + 1) % len(C_DEG)
+    return np.asarray(
+        (1 - v) * ((1 - u) * table[j, i] + u * table[j, i + 1]) + v * ((1 - u) * table[k, i] + u * table[k, i + 1])
+    )
