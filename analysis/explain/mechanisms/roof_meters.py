@@ -216,12 +216,16 @@ class MeterRangeLimit(Mechanism):
             "excess", "1", "largest prediction over the end of the range, minus one", 0.0, 3.0, 0.3, (0.03, 0.15, 0.5)
         ),
     )
-    source = "min(E, Y), Y(1 - exp(-E/Y)), E/(1 + E/Y), Y the end of the range; report ch. 3 (9 999 fc)"
+    source = (
+        "min(E, Y), Y(1 - exp(-E/Y)), E/(1 + E/Y), E/(1 + (E/Y)^n)^(1/n), Y the range's end; report ch. 3 (9 999 fc)"
+    )
     tie_breaker = "a second meter with a higher range, or a neutral filter"
     kinds = ("roof",)
     soft = Parameter(
         "compression", "1", "largest prediction over the end of the range", 0.0, 3.0, 0.3, (0.02, 0.1, 0.4)
     )
+    at_knee = Parameter("compression", "1", soft.meaning, 0.0, 3.0, 0.5, (0.8, 1.1), centre=0.5)
+    sharpness = Parameter("sharpness", "1", "n: how suddenly the knee bends", 2.0, 30.0, 6.0, (4.0, 10.0), centre=6.0)
 
     def why_not(self, scene: Scene) -> str:
         """Only where roof meters are read."""
@@ -233,13 +237,15 @@ class MeterRangeLimit(Mechanism):
         for way in _roof_channels(scene):
             facts = {"top": float(np.max(scene.readings.simulated[_acts(scene, way)]))}
             found.append(replace(way, facts=facts))
-            for form in ("gradual", "exponential"):
+            for form in ("gradual", "exponential", "knee"):
                 found.append(Branch(f"{way.label}, {form}", (way.value, form), facts))
         return tuple(found)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Excess over a hard end, or nearness to a soft one."""
-        return (self.soft,) if isinstance(branch.value, tuple) else self.parameters
+        """Excess over a hard end, or nearness to a soft one; a knee may be more or less sharp."""
+        if not isinstance(branch.value, tuple):
+            return self.parameters
+        return (self.at_knee, self.sharpness) if branch.value[1] == "knee" else (self.soft,)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Cut or compress the meter's readings towards the end of its range."""
@@ -250,7 +256,7 @@ class MeterRangeLimit(Mechanism):
         if p[0] <= 0.0:
             return values
         acts = scene.is_roof & (scene.readings.channel == channel) & (values > 0)
-        return np.where(acts, _compressed(np.maximum(values, 0.0), top / float(p[0]), form), values)
+        return np.where(acts, _compressed(np.maximum(values, 0.0), top / float(p[0]), form, *p[1:]), values)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
         """The end of the range is what a data sheet gives; the loss at the brightest is the same for all forms."""
@@ -261,9 +267,9 @@ class MeterRangeLimit(Mechanism):
         else:
             end = top / max(x, 1e-6)
             end_sd = end * u / max(x, 1e-6)
-            at = np.array([top])
-            loss = 1.0 - float(_compressed(at, end, term.branch.value[1])[0]) / top
-            slope = (1.0 - float(_compressed(at, top / (x + 1e-4), term.branch.value[1])[0]) / top - loss) / 1e-4
+            form, *more = term.branch.value[1], *p[1:]
+            loss = 1.0 - float(_compressed(np.array([top]), end, form, *more)[0]) / top
+            slope = (1.0 - float(_compressed(np.array([top]), top / (x + 1e-4), form, *more)[0]) / top - loss) / 1e-4
         return {
             "range_end_lx": told(end, end_sd, "lx"),
             "loss_at_brightest": told(loss, abs(slope) * u, "1"),
@@ -277,10 +283,13 @@ class MeterRangeLimit(Mechanism):
         return f"{branch.label} was at the end of its range: the brightest daylight was {p[0]:.0%} beyond it."
 
 
-def _compressed(values: Floats, end: float, form: str) -> Floats:
+def _compressed(values: Floats, end: float, form: str, sharpness: float = 1.0) -> Floats:
     """Readings of a meter whose response flattens towards ``end``."""
     share = values / end
-    return np.asarray(end * share / (1.0 + share) if form == "gradual" else end * -np.expm1(-share))
+    if form == "exponential":
+        return np.asarray(end * -np.expm1(-share))
+    n = sharpness if form == "knee" else 1.0
+    return np.asarray(end * share / (1.0 + share**n) ** (1.0 / n))
 
 
 def _off_normal(zenith_rad: Floats, rim: bool) -> Floats:

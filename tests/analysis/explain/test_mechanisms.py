@@ -189,6 +189,13 @@ def _late(minutes: float) -> Floats:
         ("meter-gain", "velux", (0.04,), 1.04 * (BEAM + SKY), 1e-9),
         ("meter-cosine", "velux", (-0.05, 1.0), _cosine(-0.05, 1.0), 4e-3),
         ("meter-cosine", "velux", (-0.05, 2.7), _cosine(-0.05, 2.7), 4e-3),
+        (
+            "meter-range-limit",
+            "velux, knee",
+            (0.9, 4.0),
+            ((BEAM + SKY) ** -4.0 + ((BEAM + SKY).max() / 0.9) ** -4.0) ** -0.25,
+            1e-9,
+        ),
         ("meter-cosine", "velux, rim", (-0.05, 1.0), _shaded(-0.05), 4e-3),
         ("meter-range-limit", "velux", (0.2,), np.minimum(BEAM + SKY, (BEAM + SKY).max() / 1.2), 1e-9),
         (
