@@ -25,7 +25,7 @@ SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 18.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
-UNNAMED = 15.0
+UNNAMED = 20.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
