@@ -3,7 +3,8 @@
     python3 benchmarks/explain.py CASES TRUTHS [--methods labdaq,bic,...] [--cases N] [--kinds goniometer] [--out FILE]
     python3 benchmarks/explain.py TRIAL [...]             a folder that `labdaq blind-trial --out TRIAL` wrote
 
-CASES holds case folders, and beside NAME perhaps NAME-withheld; TRUTHS holds NAME.json (`simulators.trial.truth`).
+CASES holds case folders, and beside NAME perhaps NAME-withheld; TRUTHS holds NAME.json as `simulators.trial.truth` has
+it, or at least with `content`, `hidden` (each with `id`, `in_catalogue`, `effect_percent`), `clean` and `change`.
 
 | method | what it is |
 |---|---|
@@ -12,18 +13,17 @@ CASES holds case folders, and beside NAME perhaps NAME-withheld; TRUTHS holds NA
 | sindy | sparse regression (PySINDy) over the catalogue's signatures |
 | gp | Gaussian-process discrepancy (scikit-learn); it corrects and names nothing |
 | koh | the catalogue's forms calibrated beside that discrepancy, in the manner of Kennedy and O'Hagan |
-| sepia | the same by LANL's SEPIA: emulator, discrepancy and MCMC over the most promising forms |
 
-The peers are no dependencies of labdaq: `pip install scikit-learn pysindy`, and for SEPIA, which is not on the
-package index, `pip install git+https://github.com/lanl/SEPIA`. A method whose library is not there is left out, and
-named.
+The peers are no dependencies of labdaq: `pip install scikit-learn pysindy`. A method whose library is not there is left
+out, and named. (LANL's SEPIA, the package for Kennedy and O'Hagan's method, is not on the package index.)
 
 All see the same case, the same forward models and the same re-simulations; none sees the truth. Prints one line for
 each case and method, and then the trial's own table (`simulators.trial.score`) with a column for each method; "-"
 where a method cannot fill a line. Errors are rms, per cent, over the noise-free truth, a gain per test removed where
 it is free. "Left-out tests" are predicted one by one by what was chosen on all tests and fitted to the others (for
 all methods alike); withheld tests were never seen. Seconds are of the processor, all threads together, for finding
-the answer; imports do not count. Takes about 10 seconds a case and method: run it on few cases, or overnight.
+the answer; re-simulations are made once for all methods and have a line of their own, imports do not count. Takes a
+minute or two for each case with all methods: run it on few cases, or overnight.
 """
 
 import argparse
@@ -50,6 +50,7 @@ from analysis.explain.readings import Readings
 from simulators.trial import truth as truths
 from simulators.trial.outcome import Outcome, judge, read_records
 from simulators.trial.score import Line, score
+from simulators.trial.truth import Concealed
 
 METHODS: Final = {
     "labdaq": ("explain_labdaq", "Labdaq", ()),
@@ -57,7 +58,6 @@ METHODS: Final = {
     "sindy": ("explain_sindy", "Sindy", ("pysindy",)),
     "gp": ("explain_gp", "Discrepancy", ("sklearn",)),
     "koh": ("explain_gp", "Calibrated", ("sklearn",)),
-    "sepia": ("explain_sepia", "Sepia", ("sepia",)),
 }
 """Method to its module, class, and the libraries it needs."""
 
@@ -87,7 +87,6 @@ SAYS: Final = {
     "sindy": {"names", "verdict"},
     "gp": {"verdict", "open"},
     "koh": {"names", "verdict", "intervals", "probability"},
-    "sepia": {"names", "verdict", "intervals", "probability"},
 }
 
 
@@ -114,14 +113,53 @@ def tasks(folders: list[Path], count: int | None, kinds: set[str]) -> list[Task]
     cases, answers = (folders[0] / "cases", folders[0] / "truth") if len(folders) == 1 else folders
     found: dict[str, list[Task]] = {}
     for path in sorted(answers.glob("*.json")):
-        truth, folder = truths.read(path), cases / path.stem
-        if folder.is_dir() and truth.kind in kinds:
+        folder = cases / path.stem
+        if not folder.is_dir():
+            continue
+        truth = truth_of(path, folder)
+        if truth.kind in kinds:
             withheld = cases / f"{path.stem}-withheld"
             task = Task(folder, withheld if withheld.is_dir() else None, truth)
             found.setdefault(truth.content, []).append(task)
     total = sum(len(group) for group in found.values())
     share = min(1.0, (count or total) / max(total, 1))
     return [task for group in found.values() for task in group[: max(1, round(share * len(group)))]]
+
+
+def truth_of(path: Path, folder: Path) -> truths.Truth:
+    """A truth of the trial's own format, or of another author's with the same main fields."""
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    if raw.get("format") == truths.FORMAT:
+        return truths.read(path)
+    kind = {c.kind for c in read_case(folder).channels}
+    gonio, roof = "goniometer" in kind, kind == {"illuminance-meter"}
+    concealed = tuple(
+        Concealed(
+            id=c["id"],
+            stage="",
+            inside=c["in_catalogue"],
+            effect_percent=c["effect_percent"],
+            raw_percent=c.get("effect_raw_percent", c["effect_percent"]),
+            parameters={k: (v["value"], v["unit"]) for k, v in c.get("parameters", {}).items()},
+            equivalents=tuple(c.get("equivalents", ())),
+        )
+        for c in raw["hidden"]
+    )
+    clean = np.array(raw["clean"])
+    return truths.Truth(
+        case=path.stem,
+        kind="goniometer" if gonio else "roof" if roof else "camera",
+        seed=0,
+        content=raw["content"],
+        concealed=concealed,
+        effect_percent=raw.get("effect_percent_all", 0.0),
+        mismatch_percent=raw.get("mismatch_percent", float("nan")),
+        nuisance_percent=raw.get("nuisance_percent", float("nan")),
+        free_gain=not roof,
+        floor=1e-3 * float(clean.max()),
+        clean=tuple(clean.tolist()),
+        change=tuple(raw["change"]),
+    )
 
 
 def error(values: Floats, clean: Floats, test: np.ndarray, truth: truths.Truth) -> float:
@@ -181,7 +219,7 @@ def _withheld(method: Any, task: Task) -> tuple[float, float] | None:
 # the table
 
 
-def figures(name: str, results: list[Result]) -> Iterator[tuple[str, str]]:
+def figures(name: str, results: list[Result], tracing: list[float]) -> Iterator[tuple[str, str]]:
     """Lines of the table for one method."""
     lines = {line.name: line for line in score([r.outcome for r in results])}
     for line, needs in LINES.items():
@@ -196,6 +234,7 @@ def figures(name: str, results: list[Result]) -> Iterator[tuple[str, str]]:
         yield f"  what ripple alone leaves, {what} [%]", f"{np.median(ripple):.2f}" if ripple else ""
     seconds = [r.outcome.seconds for r in results]
     yield "processor seconds a case: median, longest", f"{np.median(seconds):.1f}, {max(seconds):.1f}"
+    yield "  and re-simulation", f"{np.median(tracing):.1f}, {max(tracing):.1f}" if name != "gp" else "-"
 
 
 def _text(line: Line) -> str:
@@ -213,9 +252,9 @@ def _pairs(pairs: list[tuple[float, float] | None]) -> str:
     return f"{np.median(have[:, 0]):.2f} -> {np.median(have[:, 1]):.2f} ({100 * change:+.0f} %)"
 
 
-def table(results: dict[str, list[Result]]) -> str:
-    """The table as text, a column for each method."""
-    columns = {name: dict(figures(name, found)) for name, found in results.items()}
+def table(results: dict[str, list[Result]], tracing: list[float]) -> str:
+    """The table as text, a column for each method; ``tracing`` are the seconds that re-simulating took."""
+    columns = {name: dict(figures(name, found, tracing)) for name, found in results.items()}
     rows = [["", *columns]]
     for line in next(iter(columns.values())):
         rows.append([line, *(column[line] for column in columns.values())])
@@ -253,11 +292,15 @@ def main() -> None:
             results[name] = []
     chosen = tasks(options.folders, options.cases, set(options.kinds.split(",")))
     print(f"{len(chosen)} cases", flush=True)
+    tracing = []
     for task in chosen:
+        began = time.process_time()
+        importlib.import_module("explain_forms").simulation(read_case(task.folder))
+        tracing.append(time.process_time() - began)
         for name, found in results.items():
             found.append(answered(name, task))
             print(told(name, found[-1]), flush=True)
-    text = table(results)
+    text = table(results, tracing)
     print(f"\n{text}")
     if options.out:
         told_ = {name: [_plain(r) for r in found] for name, found in results.items()}

@@ -11,7 +11,7 @@ table 6 says. Three predictions stand beside the recording, each with the room b
 |---|---|---|
 | Radiance | near | 12 |
 | TracePro | far | 20 |
-| Photopia | far | 50 |
+| Photopia (its near-field emulator) | near | 50 |
 
 Causes are told apart by switching them on one at a time: the room's light is taken from the world itself, limit and
 field from the prediction. What is left is what two independently written simulations of the same skylight disagree
@@ -32,6 +32,7 @@ import dataclasses
 import json
 import multiprocessing
 import os
+import shutil
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -71,7 +72,7 @@ class Engine:
         return self.limit - PASSES[system]
 
 
-ENGINES: Final = (Engine("Radiance", "near", 12), Engine("TracePro", "far", 20), Engine("Photopia", "far", 50))
+ENGINES: Final = (Engine("Radiance", "near", 12), Engine("TracePro", "far", 20), Engine("Photopia", "near", 50))
 
 
 @dataclass(frozen=True)
@@ -252,6 +253,21 @@ def shares(case: Any, exact: Any, unlimited: Any, rooms: dict[str, np.ndarray]) 
     return told
 
 
+def after(case: Any, predictions: Path) -> dict[str, list[float]]:
+    """Per test and gamma, means over C: (labdaq's corrected prediction - recording) / recording [%]."""
+    with predictions.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    test = np.array([row["test"] for row in rows])
+    gamma, measured, corrected = (
+        np.array([float(row[name]) for row in rows]) for name in ("gamma_deg", "measured", "corrected")
+    )
+    found = {}
+    for one in (t.id for t in case.tests):
+        rings = [(test == one) & (gamma == g) for g in np.unique(gamma[test == one])]
+        found[one] = [float(100.0 * (corrected[k].mean() / measured[k].mean() - 1.0)) for k in rings]
+    return found
+
+
 def explained(folder: Path, out: Path) -> dict[str, Any]:
     """What `labdaq explain` says of a case on disk, in a process of its own."""
     import subprocess
@@ -285,13 +301,15 @@ def experiment(
         draft = case_of(engine, tests, sessions, traced)
         endless = dataclasses.replace(engine, limit=10_000)
         folder = out / f"case-{engine.name.lower()}"
-        if not folder.exists():
-            draft.write(folder)
+        shutil.rmtree(folder, ignore_errors=True)
+        draft.write(folder)
+        answer = out / f"answer-{engine.name.lower()}"
         result["engines"][engine.name] = {
             "field": engine.field,
             "limit": engine.limit,
+            "answer": explained(folder, answer),
             "shares": shares(_of(draft), _of(exact), _of(case_of(endless, tests, sessions, traced)), rooms),
-            "answer": explained(folder, out / f"answer-{engine.name.lower()}"),
+            "after": after(_of(draft), answer / "predictions.csv"),
         }
     (out / "figure-90.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     return result
@@ -311,7 +329,8 @@ def _sessions(tests: list[Planned], room: tuple[float, float], folder: Path, pro
     found = {}
     for path in sorted(folder.glob("*")) if folder.is_dir() else []:
         session = Session.open(path)
-        if (path / "derived" / "process.json").is_file():
+        same_room = session.station.room.wall_reflectance == room[0]
+        if same_room and (path / "derived" / "process.json").is_file():
             found[int(session.header.test[1:])] = path
     missing = [t for t in tests if t.number not in found]
     with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
@@ -333,11 +352,17 @@ def told(result: dict[str, Any]) -> str:
     ]
     for name, engine in result["engines"].items():
         lines += ["", f"### With {name}'s settings ({engine['field']} field, {engine['limit']} interactions)", ""]
+        rings = {test: {**parts, "after": engine["after"][test]} for test, parts in engine["shares"].items()}
         for test in (f"T{n}" for n in SHOWN):
-            if test in engine["shares"]:
-                lines += [f"Test {test[1:]}:", "", *_ring_table(engine["shares"][test]), ""]
+            if test in rings:
+                lines += [f"Test {test[1:]}:", "", *_ring_table(rings[test]), ""]
+        lines += [f"Mean of all {len(rings)} tests:", "", *_ring_table(_mean(list(rings.values()))), ""]
         lines += _answer_lines(engine["answer"])
     return "\n".join(lines) + "\n"
+
+
+def _mean(rings: list[dict[str, list[float]]]) -> dict[str, list[float]]:
+    return {name: np.mean([one[name] for one in rings], axis=0).tolist() for name in rings[0]}
 
 
 def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
@@ -347,6 +372,7 @@ def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
         "limit": "of this: limit of interactions",
         "field": "of this: far field for near",
         "rest": "of this: the simulations' difference, noise",
+        "after": "labdaq's corrected prediction - recording",
     }
     gammas = shares_["gamma_deg"]
     rows = ["| gamma [deg] | " + " | ".join(f"{g:g}" for g in gammas) + " |", "|---" * (len(gammas) + 1) + "|"]

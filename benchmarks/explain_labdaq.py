@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from explain_forms import simulation
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
@@ -17,7 +18,6 @@ from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mismatch import explain
 from analysis.explain.readings import Readings
-from analysis.explain.resimulate import simulator_of
 from simulators.trial.answer import Answer, read_answer
 
 SILENT = ("no-mismatch", "unexplained")
@@ -33,7 +33,7 @@ class Labdaq:
 
     def find(self) -> Answer:
         """Explain the case."""
-        self.found = explain(self.case, simulator_of(self.case))
+        self.found = explain(self.case, simulation(self.case))
         self.content = answer(self.found)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "explanation.json"
@@ -62,6 +62,6 @@ class Labdaq:
     def elsewhere(self, case: Case) -> Floats:
         """Predictions of all records of another case."""
         model = [] if self.content["verdict"] in SILENT else self.content["model"]
-        rows = csv.DictReader(io.StringIO(apply_model(model, case, simulator_of(case))))
+        rows = csv.DictReader(io.StringIO(apply_model(model, case, simulation(case))))
         factor = Readings.of(case, measured_only=False).unit_factor
         return np.array([float(row["corrected"]) for row in rows]) * factor
