@@ -50,8 +50,8 @@ def main() -> None:
     if what == "demo":
         run(programs / "labdaq", "demo", *rest)
     elif what == "findings":
-        paths = [str(Path(word).absolute()) if Path(word).exists() else word for word in rest]
-        run(programs / "python", "benchmarks/explain_findings.py", *paths)
+        paths = [word if word.startswith("-") else str(Path(word).absolute()) for word in rest[1:]]
+        run(programs / "python", "benchmarks/explain_findings.py", *rest[:1], *paths)
     elif what == "slow":
         run(programs / "pytest", "-m", "slow", *rest)
     else:

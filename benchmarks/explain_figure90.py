@@ -274,7 +274,9 @@ def explained(folder: Path, out: Path) -> dict[str, Any]:
 
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
     command = [sys.executable, "-m", "labdaq", "explain", str(folder), "--out", str(out)]
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    done = subprocess.run(command, check=False, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"labdaq explain ended with exit code {done.returncode}:\n{done.stderr[-2000:]}")
     return dict(json.loads((out / "explanation.json").read_text(encoding="utf-8")))
 
 

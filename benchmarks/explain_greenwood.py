@@ -33,7 +33,9 @@ def labdaq(*words: str | Path) -> None:
     """Run one labdaq command, shown as it is run."""
     print("$ labdaq", *words, flush=True)
     environment = {**os.environ, "PYTHONPATH": str(HOME), "OPENBLAS_NUM_THREADS": "1"}
-    subprocess.run([sys.executable, "-m", "labdaq", *map(str, words)], check=True, env=environment)
+    done = subprocess.run([sys.executable, "-m", "labdaq", *map(str, words)], check=False, env=environment)
+    if done.returncode:
+        sys.exit(f"labdaq {words[0]} ended with exit code {done.returncode}")
 
 
 def explained(recipe: str, tables: list[Path], out: Path) -> dict[str, Any]:
