@@ -133,12 +133,13 @@ def truth_of(path: Path, folder: Path) -> truths.Truth:
         return truths.read(path)
     kind = {c.kind for c in read_case(folder).channels}
     gonio, roof = "goniometer" in kind, kind == {"illuminance-meter"}
+    size = "effect_raw_percent" if roof else "effect_percent"  # on a roof a gain is the message, no nuisance
     concealed = tuple(
         Concealed(
             id=c["id"],
             stage="",
             inside=c["in_catalogue"],
-            effect_percent=c["effect_percent"],
+            effect_percent=c[size] if size in c else c["effect_percent"],
             raw_percent=c.get("effect_raw_percent", c["effect_percent"]),
             parameters={k: (v["value"], v["unit"]) for k, v in c.get("parameters", {}).items()},
             equivalents=tuple(c.get("equivalents", ())),
@@ -152,14 +153,18 @@ def truth_of(path: Path, folder: Path) -> truths.Truth:
         seed=0,
         content=raw["content"],
         concealed=concealed,
-        effect_percent=raw.get("effect_percent_all", 0.0),
-        mismatch_percent=raw.get("mismatch_percent", float("nan")),
-        nuisance_percent=raw.get("nuisance_percent", float("nan")),
+        effect_percent=max((c.effect_percent for c in concealed), default=0.0),
+        mismatch_percent=_number(raw.get("mismatch_percent")),
+        nuisance_percent=_number(raw.get("nuisance_percent")),
         free_gain=not roof,
         floor=1e-3 * float(clean.max()),
         clean=tuple(clean.tolist()),
         change=tuple(raw["change"]),
     )
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
 
 
 def error(values: Floats, clean: Floats, test: np.ndarray, truth: truths.Truth) -> float:
