@@ -378,7 +378,7 @@ def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
     }
     gammas = shares_["gamma_deg"]
     rows = ["| gamma [deg] | " + " | ".join(f"{g:g}" for g in gammas) + " |", "|---" * (len(gammas) + 1) + "|"]
-    rows += [f"| {word} | " + " | ".join(f"{v:+.1f}" for v in shares_[name]) + " |" for name, word in words.items()]
+    rows += [f"| {word} | " + " | ".join(f"{round(v, 1) + 0.0:+.1f}" for v in shares_[name]) + " |" for name, word in words.items()]
     return rows
 
 
