@@ -36,7 +36,6 @@ import shutil
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,18 +43,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
+from explain_figure90_station import TESTS, Planned, planned, room_light, room_of_table_6, take
+from explain_figure90_told import told
 
-from labdaq.clock import NS, utc_ns_of
-
-TESTS: Final = {"top": (11, 15, 25, 28), "box": (9, 18, 22, 32), "tube": (6, 16, 24, 30)}
-"""Chapter 8: for each system a partly cloudy sky, a low, a middle and a high sun."""
-SHOWN: Final = (9, 18, 16, 24)
-"""Figure 90's test; the low sun of the box and of the tube; and the one of which the report suspects the limit."""
-METER_ENDS_LX: Final = 95_000.0
-"""The emulated roof meter ends at 99 990 lx, as the CLTC meter did: brighter tests are dimmed to this."""
 PASSES: Final = {"top": 1, "box": 2, "tube": 2}
-LX_PER_FC: Final = 10.763910417
-LASTS_S: Final = 330.0
 RAYS: Final = 1_000_000
 
 
@@ -73,108 +64,6 @@ class Engine:
 
 
 ENGINES: Final = (Engine("Radiance", "near", 12), Engine("TracePro", "far", 20), Engine("Photopia", "near", 50))
-
-
-@dataclass(frozen=True)
-class Planned:
-    """One validation test, as the tables tell."""
-
-    number: int
-    system: str
-    start: Any
-    sky: str
-    global_lx: float
-    diffuse_lx: float
-
-
-def planned(data: Path) -> list[Planned]:
-    """The twelve tests; the CLTC meter's global illuminance, above its range the Velux one's."""
-    from datetime import datetime
-
-    with (data / "greenwood-tests.csv").open(newline="", encoding="utf-8") as file:
-        rows = {int(row["test"]): row for row in csv.DictReader(file)}
-    found = []
-    for system, numbers in TESTS.items():
-        for number in numbers:
-            row = rows[number]
-            total = float(row["cltc_global_fc"] or row["velux_global_fc"])
-            diffuse = float(row["cltc_diffuse_fc"])
-            sky = "partly-cloudy" if row["sky"].startswith("Partly") else "clear"
-            start = datetime.fromisoformat(row["start_utc"])
-            dim = LX_PER_FC * min(1.0, METER_ENDS_LX / (total * LX_PER_FC))
-            found.append(Planned(number, system, start, sky, total * dim, diffuse * dim))
-    return found
-
-
-def room_of_table_6(data: Path) -> tuple[float, float]:
-    """Reflectances of wall and floor over the white card's, from the averages (whose column heads are interchanged)."""
-    with (data / "greenwood-material-luminance.csv").open(newline="", encoding="utf-8") as file:
-        mean = {row["block"]: row for row in csv.DictReader(file) if row["row"] == "average"}
-    wall, floor = (mean[f"Black {name}"] for name in ("Wall", "Floor"))
-    ratio = "col2_raw_labelled_reference", "col1_raw_labelled_material"
-    return float(wall[ratio[0]]) / float(wall[ratio[1]]), float(floor[ratio[0]]) / float(floor[ratio[1]])
-
-
-def station_of(test: Planned, room: tuple[float, float]) -> Any:
-    """The built-in station at the test's time, in a room of these reflectances."""
-    from labdaq.station import Station
-
-    station = Station.built_in()
-    assert station.emulation is not None
-    told = {"start": test.start, "system": test.system, "sky": "clear", "cloud_cover": 0.0, "seed": test.number}
-    surfaces = {"wall_reflectance": room[0], "floor_reflectance": room[1]}
-    return station.model_copy(
-        update={
-            "emulation": station.emulation.model_copy(update=told),
-            "room": station.room.model_copy(update=surfaces),
-        }
-    )
-
-
-def world(test: Planned, room: tuple[float, float]) -> Any:
-    """The world of a test: the table's illuminances in the middle of the test, following the sun from there."""
-    from labdaq.worlds import world_of
-    from simulators.hidden.light import clear_day
-    from simulators.world.daylight import Levels
-
-    made = world_of(station_of(test, room))
-    altitude, _ = made.daylight.path.angles(utc_ns_of(test.start) + 90 * NS)
-    turbidity = 4.0
-    normal, diffuse = clear_day(altitude, turbidity)
-    beam = (test.global_lx - test.diffuse_lx) / np.sin(np.radians(altitude))
-    made.daylight.levels = Levels(turbidity, beam / normal, test.diffuse_lx / diffuse)
-    return made
-
-
-def take(test: Planned, room: tuple[float, float], sessions: Path) -> Path:
-    """Take one test in virtual time over the emulated instruments, and process its session."""
-    from analysis.process.session import process_session
-    from labdaq.build import mount
-    from labdaq.cli.files import find_script
-    from labdaq.headers import Order
-    from labdaq.runs import run
-    from labdaq.script import Script
-
-    station, seen = station_of(test, room), world(test, room)
-    start_ns = utc_ns_of(test.start)
-    seen.prepare(start_ns, start_ns + round(LASTS_S * NS))
-    file = find_script("greenwood-test")
-    facts = {"test": f"T{test.number}", "system": test.system, "sky": test.sky}
-    order = Order(station, Script.load(file).model_copy(update=facts), sessions, None, file)
-    (path,) = run(order, partial(mount, world=seen), virtual=True)
-    process_session(path)
-    return path
-
-
-def room_light(test: Planned, room: tuple[float, float], records: Any, distance_m: float) -> np.ndarray:
-    """What the room adds to the light at each record of a test [cd], by the world itself."""
-    lit, black = world(test, room), world(test, (0.0, 0.0))
-    added = np.zeros(len(records))
-    for c in np.unique(records.c_deg):
-        rows = np.flatnonzero(records.c_deg == c)
-        at, gamma = int(np.mean(records.utc_ns[rows])), records.gamma_deg[rows]
-        added[rows] = lit.room_illuminance(gamma, c, at) - black.room_illuminance(gamma, c, at)
-    return np.asarray(added * distance_m**2)
 
 
 def predictions(sessions: dict[int, Path], tests: list[Planned], rays: int) -> dict[int, Any]:
@@ -341,67 +230,6 @@ def _sessions(tests: list[Planned], room: tuple[float, float], folder: Path, pro
             found[number] = future.result()
             print(f"took T{number}", flush=True)
     return found
-
-
-# telling
-
-
-def told(result: dict[str, Any]) -> str:
-    """The result as Markdown."""
-    lines = [
-        f"Room: walls and ceiling {100 * result['room']['walls']:.2f} %, floor {100 * result['room']['floor']:.2f} %. "
-        "Numbers are means over the 16 C-planes, in per cent of the recording."
-    ]
-    for name, engine in result["engines"].items():
-        lines += ["", f"### With {name}'s settings ({engine['field']} field, {engine['limit']} interactions)", ""]
-        rings = {test: {**parts, "after": engine["after"][test]} for test, parts in engine["shares"].items()}
-        for test in (f"T{n}" for n in SHOWN):
-            if test in rings:
-                lines += [f"Test {test[1:]}:", "", *_ring_table(rings[test]), ""]
-        lines += [f"Mean of all {len(rings)} tests:", "", *_ring_table(_mean(list(rings.values()))), ""]
-        lines += _answer_lines(engine["answer"])
-    return "\n".join(lines) + "\n"
-
-
-def _mean(rings: list[dict[str, list[float]]]) -> dict[str, list[float]]:
-    return {name: np.mean([one[name] for one in rings], axis=0).tolist() for name in rings[0]}
-
-
-def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
-    words = {
-        "total": "prediction - recording",
-        "room": "of this: room left out",
-        "limit": "of this: limit of interactions",
-        "field": "of this: far field for near",
-        "rest": "of this: the simulations' difference, noise",
-        "after": "labdaq's corrected prediction - recording",
-    }
-    gammas = shares_["gamma_deg"]
-    rows = ["| gamma [deg] | " + " | ".join(f"{g:g}" for g in gammas) + " |", "|---" * (len(gammas) + 1) + "|"]
-    rows += [f"| {word} | " + " | ".join(f"{round(v, 1) + 0.0:+.1f}" for v in shares_[name]) + " |" for name, word in words.items()]
-    return rows
-
-
-def _answer_lines(answer: dict[str, Any]) -> list[str]:
-    fit = answer["fit"]
-    lines = [f"`labdaq explain` says **{answer['verdict']}**."]
-    for m in answer["mechanisms"]:
-        values = ", ".join(
-            f"{name} {p['value']:.3g} ± {p['uncertainty']:.2g} {'' if p['unit'] == '1' else p['unit']}".strip()
-            for name, p in m["parameters"].items()
-            if not isinstance(p["value"], str)
-        )
-        lines.append(f"- {m['id']} ({100 * m['probability']:.0f} %): {values}. {m['statement']}")
-    lines += [f"- Not told apart: {' and '.join(pair)}." for pair in answer["indistinguishable"]]
-    lines += [f"- Left: {place['statement']} (p = {place['p_value']:.2g})" for place in answer["leftover"][:3]]
-    before, after = fit["before"]["rms_percent"], fit["after"]["rms_percent"]
-    held = fit.get("held_out")
-    text = f"Deviation {before:.2f} % before, {after:.2f} % after"
-    if held:
-        left = held["before"]["rms_percent"], held["after"]["rms_percent"]
-        text += f"; {held['scheme']} {left[0]:.2f} % before, {left[1]:.2f} % after"
-    best = ", ".join(f"{'+'.join(e['ids'])} {e['nats_over_nothing']:.0f}" for e in answer["evidence"][:6])
-    return [*lines, "", f"{text}. Evidence of single mechanisms [nats over nothing]: {best}."]
 
 
 def main(arguments: list[str] | None = None) -> str:

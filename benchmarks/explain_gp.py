@@ -15,7 +15,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from explain_forms import FormSearch, Model, Problem, answered, named, scene_of
+from explain_forms import Problem, scene_of
+from explain_search import FormSearch, Model, answered, named
 
 from analysis.cases import Case
 from analysis.cases.model import Floats

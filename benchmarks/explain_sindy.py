@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from explain_forms import Problem, answered, scene_of, starts, usable
+from explain_forms import Problem, scene_of, starts, usable
+from explain_search import answered
 
 from analysis.cases import Case
 from analysis.cases.model import Floats

@@ -86,7 +86,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return make_case(folder, effects.c_offset(6.0), flaws=PLAIN, without=("system",))
 
 
-PEERS = [("explain_forms", "Bic", ""), ("explain_gp", "Calibrated", "sklearn"), ("explain_sindy", "Sindy", "pysindy")]
+PEERS = [("explain_search", "Bic", ""), ("explain_gp", "Calibrated", "sklearn"), ("explain_sindy", "Sindy", "pysindy")]
 
 
 @pytest.mark.filterwarnings("ignore")

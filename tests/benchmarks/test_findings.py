@@ -85,7 +85,7 @@ def test_what_the_other_skies_cannot_tell_is_not_made_up() -> None:
 
 
 def test_the_twelve_tests_and_the_room_are_the_reports() -> None:
-    import explain_figure90 as figure
+    import explain_figure90_station as figure
 
     data = recording("greenwood-tests.csv").parent
     tests = {t.number: t for t in figure.planned(data)}
@@ -100,7 +100,7 @@ def test_the_twelve_tests_and_the_room_are_the_reports() -> None:
 
 
 def test_the_world_has_the_tables_illuminances() -> None:
-    import explain_figure90 as figure
+    import explain_figure90_station as figure
 
     from labdaq.clock import NS, utc_ns_of
 
