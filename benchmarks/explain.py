@@ -9,7 +9,7 @@ it, or at least with `content`, `hidden` (each with `id`, `in_catalogue`, `effec
 | method | what it is |
 |---|---|
 | labdaq | `labdaq explain` and `labdaq predict` |
-| bic | the catalogue's forms, independent errors of unknown size, forward selection by BIC |
+| bic | the catalogue's forms, independent errors of unknown size, forward selection by BIC of at most three |
 | sindy | sparse regression (PySINDy) over the catalogue's signatures |
 | gp | Gaussian-process discrepancy (scikit-learn); it corrects and names nothing |
 | koh | the catalogue's forms calibrated beside that discrepancy, in the manner of Kennedy and O'Hagan |
