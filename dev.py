@@ -4,6 +4,7 @@
 usage: python3 dev.py demo [options of `labdaq demo`]   set up .venv and run the main job on the emulated station
        python3 dev.py test [options of pytest]          set up .venv and run linters, type checks and tests
        python3 dev.py slow [options of pytest]          set up .venv and run the long proofs
+       python3 dev.py findings PAGE DATA_DIR            set up .venv and compute the numbers of docs/findings/PAGE.md
 """
 
 import hashlib
@@ -43,11 +44,14 @@ def run(*command: str | Path) -> None:
 def main() -> None:
     """Do what the first argument says."""
     what, *rest = sys.argv[1:] or ["help"]
-    if sys.version_info < (3, 11) or what not in {"demo", "test", "slow"}:
+    if sys.version_info < (3, 11) or what not in {"demo", "test", "slow", "findings"}:
         sys.exit(__doc__)
     programs = set_up()
     if what == "demo":
         run(programs / "labdaq", "demo", *rest)
+    elif what == "findings":
+        paths = [word if word.startswith("-") else str(Path(word).absolute()) for word in rest[1:]]
+        run(programs / "python", "benchmarks/explain_findings.py", *rest[:1], *paths)
     elif what == "slow":
         run(programs / "pytest", "-m", "slow", *rest)
     else:
