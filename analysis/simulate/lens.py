@@ -34,6 +34,9 @@ SAMPLES: Final = 8192
 Light that meets the flat face gets a quarter: only a whole sky enters by that table, and it averages over all rows.
 """
 
+PARTS: Final = 8
+"""A table comes in so many parts of equally many samples, one for each batch of the tracer."""
+
 DELTA_UNITS: Final = 16000.0
 WEIGHT_UNITS: Final = 32000.0
 
@@ -47,7 +50,7 @@ class LensTables:
 
     Attributes
     ----------
-    flat, prisms : shape (directions, samples, 3), int16
+    flat, prisms : shape (PARTS, directions, samples / PARTS, 3), int16
         Differences of the two tangential direction cosines (in 1/16000) and weight (in 1/32000; negative: reflected).
     half
         Steps of the grid from middle to edge.
@@ -116,7 +119,14 @@ def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables
         }
 
     stored = kept("lenses", recipe, make)
-    return LensTables(stored["flat"], stored["prisms"], half)
+    return LensTables(in_parts(stored["flat"]), in_parts(stored["prisms"]), half)
+
+
+def in_parts(table: Table) -> Table:
+    """A table (rows, samples, 3) as (PARTS, rows, samples / PARTS, 3): what one batch reads lies close together."""
+    rows, samples, _ = table.shape
+    use = samples - samples % PARTS
+    return np.ascontiguousarray(table[:, :use].reshape(rows, PARTS, use // PARTS, 3).swapaxes(0, 1))
 
 
 def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None) -> Table:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
-from analysis.simulate.lens import Sampler, Table, half_lobe, nodes, sun_table, tables
+from analysis.simulate.lens import PARTS, Sampler, Table, half_lobe, in_parts, nodes, sun_table, tables
 from analysis.simulate.system import Lens, System, Wall
 
 Floats = NDArray[np.float64]
@@ -17,7 +17,7 @@ _KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k
 
 
 def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.Skylight:
-    """A system's arrays; scatter tables are made or read where lenses need them."""
+    """A system's arrays, with all parts of its scatter tables, which are made or read where lenses need them."""
     above, below, half = _lens_tables(system.entry, samples, sampler)
     under, _, half2 = _lens_tables(system.exit, samples, sampler)
     half = max(half, half2)
@@ -36,8 +36,7 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         exact=False,
         spots=np.zeros((1, 2)),
         lobe=half_lobe(),
-        block=0,
-        blocks=1,
+        powers=np.array([[system.wall.reflectance], [system.boot.reflectance]]) ** np.arange(64.0),
     )
 
 
@@ -54,7 +53,7 @@ def for_sun(
     normals = ready.facets[:, :3] if ready.geometry[k.COVER] == k.PYRAMID else np.array([[0.0, 0.0, 1.0]])
     spots = np.array([_on_facet(travel, normal) for normal in normals])
     table = sun_table(system.entry, spots, samples, sampler)
-    return ready._replace(above=table, exact=True, spots=np.ascontiguousarray(spots[:, :2]))
+    return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
 
 
 def cover_area_m2(system: System) -> float:
@@ -127,7 +126,7 @@ def _lens(lens: Lens) -> tuple[float, ...]:
 
 @functools.lru_cache(maxsize=1)
 def _no_table() -> Table:
-    return np.zeros((1, 1, 3), dtype=np.int16)
+    return np.zeros((PARTS, 1, 1, 3), dtype=np.int16)
 
 
 def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table, int]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
-from analysis.simulate.lens import SAMPLES, Sampler
+from analysis.simulate.lens import PARTS, SAMPLES, Sampler
 from analysis.simulate.model import for_sun, skylight
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
@@ -19,7 +19,7 @@ from analysis.simulate.tally import Balance, Tally
 
 Floats = NDArray[np.float64]
 
-BATCHES: Final = 8
+BATCHES: Final = PARTS
 NO_LIMIT: Final = 1 << 40
 ROUND: Final = 4_000_000
 """Rays that single precision sums take before they are added up in double precision."""
@@ -159,11 +159,11 @@ def _counts(system: System, use: Settings, members: int) -> k.Counts:
         glow=use.glow,
         limit=NO_LIMIT if use.max_bounces is None else use.max_bounces,
         balance=np.zeros(9),
-        fan_a=np.zeros(use.split),
-        fan_b=np.zeros(use.split),
-        fan_w=np.zeros(use.split),
-        fan_far=np.zeros(use.split, dtype=np.int64),
-        fan_near=np.zeros(use.split, dtype=np.int64),
+        fan_a=np.zeros(use.split, dtype=np.float32),
+        fan_b=np.zeros(use.split, dtype=np.float32),
+        fan_w=np.zeros(use.split, dtype=np.float32),
+        fan_far=np.zeros(use.split, dtype=np.int32),
+        fan_near=np.zeros(use.split, dtype=np.int32),
     )
 
 
@@ -192,7 +192,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     total = len(rays) if given else math.ceil(use.rays / BATCHES)
     rounds = max(1, math.ceil(total / ROUND))
     count = math.ceil(total / rounds)
-    ready = ready._replace(block=b, blocks=BATCHES)
+    ready = ready._replace(above=ready.above[b], below=ready.below[b], under=ready.under[b])
     steps = np.concatenate([[0.0], np.cumsum(source.probability)])
     sums: tuple[Any, Any] = (None, None)
     for r in range(rounds):

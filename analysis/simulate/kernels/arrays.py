@@ -9,6 +9,7 @@ Numbers = tuple[float, ...]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]
+Cells = NDArray[np.int32]
 Table = NDArray[np.int16]
 
 # columns of the geometry
@@ -41,7 +42,9 @@ class Skylight(NamedTuple):
     facets : shape (4, 5)
         Of the pyramid: east, north, west, south.
     above, below, under
-        Scatter tables (rows, samples, 3), int16: the entry from outside and from inside, the exit lens from inside.
+        Scatter tables (parts, rows, samples, 3), int16: the entry from outside and from inside, the exit lens from
+        inside. The kernels are given one part: each batch reads a part of its own, so that the scatter between batches
+        shows the tables' noise too.
     nodes : shape (rows, 2)
         Tangential direction cosines of incidence of the tables' rows.
     half
@@ -52,8 +55,8 @@ class Skylight(NamedTuple):
         Then: tangential direction cosines of the sun's light on each facet.
     lobe : shape (1, samples, 3)
         The lower half of a cosine lobe in the form of a scatter table.
-    block, blocks
-        This batch reads only its part of every row, so that the scatter between batches shows the tables' noise too.
+    powers : shape (2, 64)
+        Powers 0, 1, 2 ... of the reflectances of well and boot.
     """
 
     geometry: Numbers
@@ -70,8 +73,7 @@ class Skylight(NamedTuple):
     exact: bool
     spots: Floats
     lobe: Table
-    block: int
-    blocks: int
+    powers: Floats
 
 
 class Light(NamedTuple):
@@ -110,7 +112,7 @@ class Counts(NamedTuple):
         Most wall reflections.
     balance : shape (9,)
     fan_a, fan_b, fan_w, fan_far, fan_near : shape (split,)
-        Room for the samples of one lens pass.
+        Room for the samples of one lens pass, in single precision: twice as many fit a register.
     """
 
     sharp: Singles
@@ -128,11 +130,11 @@ class Counts(NamedTuple):
     glow: int
     limit: int
     balance: Floats
-    fan_a: Floats
-    fan_b: Floats
-    fan_w: Floats
-    fan_far: Indices
-    fan_near: Indices
+    fan_a: Singles
+    fan_b: Singles
+    fan_w: Singles
+    fan_far: Cells
+    fan_near: Cells
 
 
 class Scene(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Counts, Indices, Light, Ray, Scene
+from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Cells, Counts, Light, Ray, Scene
 from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.optics import square_of
 
@@ -54,17 +54,17 @@ def add(counts: Counts, light: Light, source: int, gentle: bool, cell: int, valu
 
 @jit
 def add_fan(
-    counts: Counts, light: Light, source: int, gentle: bool, size: int, first: int, cells: Indices, share: float
+    counts: Counts, light: Light, source: int, gentle: bool, size: int, first: int, cells: Cells, share: float
 ) -> None:
     """Add a fan of samples, each with its weight, to each member that the source's cell belongs to."""
     for t in range(light.span[source, 0], light.span[source, 1]):
-        value = share * light.flux[source, t]
+        value = np.float32(share * light.flux[source, t])
         if gentle:
             for k in range(size):
-                counts.soft[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+                counts.soft[(first + cells[k]) * counts.members + t] += value * counts.fan_w[k]
         else:
             for k in range(size):
-                counts.sharp[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+                counts.sharp[(first + cells[k]) * counts.members + t] += value * counts.fan_w[k]
 
 
 @jit

@@ -105,7 +105,7 @@ def enter(
         at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
         mirrored = lens[MIRROR] != 0.0
         nodes = sky.nodes
-    first = entry_of(sky, sky.above, counts.split, pick)
+    first = entry_of(sky.above, counts.split, pick)
     p, q = nodes[at.row, 0], nodes[at.row, 1]
     qx, qy, through, w = lens_sample(sky.above, p, q, at, first)
     ox, oy = at.c * qx - at.s * qy, at.s * qx + at.c * qy

@@ -22,7 +22,7 @@ from analysis.simulate.kernels.arrays import (
 from analysis.simulate.kernels.counting import ONE, ZERO, score
 from analysis.simulate.kernels.cover import haze_fan
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
-from analysis.simulate.kernels.jit import jit, part
+from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.optics import (
     Place,
     cosine_lobe,
@@ -39,7 +39,7 @@ Left = tuple[bool, float, float, float, np.uint64]
 """Whether light passed the exit lens, tangential cosines, weight, and the random state."""
 
 
-@part
+@jit
 def exit_plain(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64) -> Left:
     """Pass an exit lens of any kind by one sample, scored with its weight."""
     sky = scene.sky
@@ -58,7 +58,7 @@ def exit_fan(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64)
     lens = sky.exit
     pick, state = uniform(state)
     at, state = lens_place(lens, sky.half, ray.dx, ray.dy, -ray.dz, state)
-    first = entry_of(sky, sky.under, counts.split, pick)
+    first = entry_of(sky.under, counts.split, pick)
     p, q = sky.nodes[at.row, 0], sky.nodes[at.row, 1]
     qx, qy, through, w = lens_sample(sky.under, p, q, at, first)
     ox, oy = from_pattern(lens, qx, qy, at.c, at.s)

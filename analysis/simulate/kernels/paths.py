@@ -143,7 +143,7 @@ def uncounted(sky: Skylight, counts: Counts, light: Light) -> Scene:
         Skylight(
             sky.geometry, borrowed(sky.facets), sky.well, sky.boot, sky.entry, sky.exit, borrowed(sky.above),
             borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), sky.half, sky.exact, borrowed(sky.spots),
-            borrowed(sky.lobe), sky.block, sky.blocks,
+            borrowed(sky.lobe), borrowed(sky.powers),
         ),
         Counts(
             borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes,

@@ -118,7 +118,7 @@ def cross(scene: Scene, zone: int, ray: Ray, load: Load, state: np.uint64) -> tu
         balance[CUT] += w * keep * unit
         return ray, Load(load.source, load.area, unit, 0.0, m, n, seen), state
     if count > 0:
-        v = wall[RHO] ** count
+        v = sky.powers[zone - 1, count] if count < sky.powers.shape[1] else wall[RHO] ** count
         balance[WALL] += w * (1.0 - v) * unit
         w *= v
         seen = False
