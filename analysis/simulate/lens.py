@@ -37,6 +37,9 @@ Light that meets the flat face gets a quarter: only a whole sky enters by that t
 PARTS: Final = 8
 """A table comes in so many parts of equally many samples, one for each batch of the tracer."""
 
+RING_STEPS: Final = 48
+"""Steps of azimuth, from 0 to 45 degrees, in a table of one angle of incidence."""
+
 DELTA_UNITS: Final = 16000.0
 WEIGHT_UNITS: Final = 32000.0
 
@@ -159,6 +162,25 @@ def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, s
     return table
 
 
+def ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler | None = None) -> tuple[Floats, Table]:
+    """Scatter at one angle of incidence from above: directions of travel (n, 3), azimuths 0 to 45 degrees, and table.
+
+    The table has the form of `in_parts`, in the pattern's frame; orientation, mirroring and isotropy belong to the
+    tracer, as with `tables`. The last few are remembered.
+    """
+    optics = dataclasses.replace(Lens(), prisms=lens.prisms, **{name: getattr(lens, name) for name in _OPTICAL})
+    return _ring_table(optics, cosine, samples, sampler or traced_samples)
+
+
+@functools.lru_cache(maxsize=16)
+def _ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler) -> tuple[Floats, Table]:
+    azimuth = 0.25 * math.pi * np.arange(RING_STEPS + 1) / RING_STEPS
+    sine = math.sqrt(1.0 - cosine**2)
+    spots = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.full(len(azimuth), -cosine)], axis=1)
+    from_prisms = lens.prisms == "up"
+    return spots, in_parts(_traced(lens, from_prisms, spots, samples, 11, sampler))
+
+
 @functools.lru_cache(maxsize=1)
 def half_lobe(samples: int = 1 << 14) -> Table:
     """The lower half (y <= 0) of a Lambertian lobe: points uniform on half a disc (Nusselt), as a table of one row.
@@ -195,14 +217,18 @@ def _packed(out: Floats, sent: Floats, weight: Floats) -> Table:
 
 
 def _one_side(lens: Lens, from_prisms: bool, samples: int, half: int, sampler: Sampler) -> Table:
-    """Trace all rows of one table; pieces have random numbers of their own, so threads do not matter."""
-    down = nodes(half)
+    """All rows of one table."""
+    return _traced(lens, from_prisms, nodes(half), samples, int(from_prisms), sampler)
+
+
+def _traced(lens: Lens, from_prisms: bool, down: Floats, samples: int, stream: int, sampler: Sampler) -> Table:
+    """Trace rows of a table; pieces have random numbers of their own, so threads do not matter."""
     sent = np.ascontiguousarray(down * np.array([1.0, 1.0, -1.0])) if from_prisms else down
     table = np.empty((len(down), samples, 3), dtype=np.int16)
     step = max(1, 400_000 // samples)
 
     def piece(first: int) -> None:
-        rng = np.random.default_rng([_VERSION, int(from_prisms), samples, first])
+        rng = np.random.default_rng([_VERSION, stream, samples, first])
         rows = slice(first, first + step)
         out, weight = sampler(lens, from_prisms, sent[rows], samples, rng)
         table[rows] = _packed(out, sent[rows, None, :], weight)

@@ -2,16 +2,20 @@
 
 import functools
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
-from analysis.simulate.lens import PARTS, Sampler, Table, half_lobe, in_parts, nodes, sun_table, tables
+from analysis.simulate.lens import PARTS, Sampler, Table, half_lobe, in_parts, nodes, ring_table, sun_table, tables
 from analysis.simulate.system import Lens, System, Wall
 
 Floats = NDArray[np.float64]
+
+LEAST_RING: Final = 2048
+MOST_RING: Final = 65_536
+"""Samples at each azimuth of a ring."""
 
 _KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING}
 
@@ -35,6 +39,9 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         half=half,
         exact=False,
         spots=np.zeros((1, 2)),
+        ring=_no_table(),
+        ring_nodes=np.zeros((1, 2)),
+        ring_cosine=2.0,
         lobe=half_lobe(),
         powers=np.array([[system.wall.reflectance], [system.boot.reflectance]]) ** np.arange(64.0),
     )
@@ -54,6 +61,18 @@ def for_sun(
     spots = np.array([_on_facet(travel, normal) for normal in normals])
     table = sun_table(system.entry, spots, samples, sampler)
     return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
+
+
+def with_ring(
+    ready: k.Skylight, system: System, cosine: float, samples: int, sampler: Sampler | None = None
+) -> k.Skylight:
+    """The same skylight with a finer table of the exit lens at one angle of incidence, at all azimuths.
+
+    A sun that passes a clear cover and mirror walls meets the exit lens at its own zenith angle, so that its light
+    uses but a few of the general table's rows again and again, and their noise would not average out.
+    """
+    spots, table = ring_table(system.exit, cosine, max(LEAST_RING, min(samples, MOST_RING)), sampler)
+    return ready._replace(ring=table, ring_nodes=np.ascontiguousarray(spots[:, :2]), ring_cosine=cosine)
 
 
 def cover_area_m2(system: System) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
 from analysis.simulate.lens import PARTS, SAMPLES, Sampler
-from analysis.simulate.model import for_sun, skylight
+from analysis.simulate.model import for_sun, skylight, with_ring
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from analysis.simulate.tally import Balance, Tally
@@ -51,7 +51,8 @@ class Settings:
         Entries per direction of the lens tables.
     sun_samples
         Entries of the tables made for each sun and facet; 0 uses the general tables for suns too.
-        About an eighth of the rays is enough.
+        About an eighth of the rays is enough. An exit lens behind a clear cover has a ring of such tables, each with
+        an eighth of the entries.
     threads
         Cores to use; 0 means all there are.
     """
@@ -116,15 +117,14 @@ def _jobs(
         return [(ready, replace(source, rays=_in_frame(source.rays, ready.geometry)))]
     if source.mode == k.SKY:
         return [(ready, source)]
-    exact = (
-        use.sun_samples > 0
-        and system.entry.kind == "prismatic"
-        and ready.geometry[k.COVER] != k.DOME
-        and not np.any(source.suns[:, 4])
-    )
+    disc = use.sun_samples > 0 and not np.any(source.suns[:, 4])
+    exact = disc and system.entry.kind == "prismatic" and ready.geometry[k.COVER] != k.DOME
+    ring = disc and system.entry.kind in ("none", "clear") and system.exit.kind == "prismatic"
     jobs = []
     for row, flux in zip(source.suns, np.diag(source.flux), strict=True):
         own = for_sun(ready, system, row[:3], use.sun_samples, sampler) if exact else ready
+        if ring:
+            own = with_ring(own, system, float(row[2]), use.sun_samples // 8, sampler)
         one = replace(
             source, probability=np.ones(1), flux=np.array([[flux]]), span=np.array([[0, 1]]), suns=row[None, :].copy()
         )
@@ -192,7 +192,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     total = len(rays) if given else math.ceil(use.rays / BATCHES)
     rounds = max(1, math.ceil(total / ROUND))
     count = math.ceil(total / rounds)
-    ready = ready._replace(above=ready.above[b], below=ready.below[b], under=ready.under[b])
+    ready = ready._replace(above=ready.above[b], below=ready.below[b], under=ready.under[b], ring=ready.ring[b])
     steps = np.concatenate([[0.0], np.cumsum(source.probability)])
     sums: tuple[Any, Any] = (None, None)
     for r in range(rounds):

@@ -53,6 +53,11 @@ class Skylight(NamedTuple):
         Whether ``above`` was made for this very sun: one row for each facet, in the facet's own frame.
     spots : shape (facets, 2)
         Then: tangential direction cosines of the sun's light on each facet.
+    ring : shape (parts, rows, samples, 3)
+        The exit lens from inside at one angle of incidence, that of a sun which reaches it by mirrors alone; rows go
+        from azimuth 0 to 45 degrees.
+    ring_nodes, ring_cosine
+        Tangential cosines of its rows, and the cosine of that angle (2: there is none).
     lobe : shape (1, samples, 3)
         The lower half of a cosine lobe in the form of a scatter table.
     powers : shape (2, 64)
@@ -72,6 +77,9 @@ class Skylight(NamedTuple):
     half: int
     exact: bool
     spots: Floats
+    ring: Table
+    ring_nodes: Floats
+    ring_cosine: float
     lobe: Table
     powers: Floats
 

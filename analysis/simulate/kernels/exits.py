@@ -1,6 +1,7 @@
 """The aperture: an exit lens or none, and what a diffuse wall sends straight to it."""
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -32,8 +33,12 @@ from analysis.simulate.kernels.optics import (
     lens_hit,
     lens_place,
     lens_sample,
+    ring_place,
     uniform,
 )
+
+RING: Final = 0.005
+"""How far from its cosine of incidence a ring is used; the sun's disc reaches as far at grazing incidence."""
 
 Left = tuple[bool, float, float, float, np.uint64]
 """Whether light passed the exit lens, tangential cosines, weight, and the random state."""
@@ -58,15 +63,20 @@ def exit_fan(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64)
     lens = sky.exit
     pick, state = uniform(state)
     at, state = lens_place(lens, sky.half, ray.dx, ray.dy, -ray.dz, state)
-    first = entry_of(sky.under, counts.split, pick)
-    p, q = sky.nodes[at.row, 0], sky.nodes[at.row, 1]
-    qx, qy, through, w = lens_sample(sky.under, p, q, at, first)
+    table, nodes = sky.under, sky.nodes
+    if abs(ray.dz + sky.ring_cosine) < RING:
+        table, nodes = sky.ring, sky.ring_nodes
+        r, state = uniform(state)
+        at = ring_place(at, table.shape[0], r)
+    first = entry_of(table, counts.split, pick)
+    p, q = nodes[at.row, 0], nodes[at.row, 1]
+    qx, qy, through, w = lens_sample(table, p, q, at, first)
     ox, oy = from_pattern(lens, qx, qy, at.c, at.s)
     left = dirt(lens, -ray.dz)
     if through:
         w *= left
     value *= left
-    passed = read_fan(counts, counts.split, sky.under, at, first) / counts.split
+    passed = read_fan(counts, counts.split, table, at, first) / counts.split
     turn_fan(counts, counts.split, at, p, q, lens[MIRROR] != 0.0)
     flat = Frame(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     clear = value * (1.0 - lens[HAZE])

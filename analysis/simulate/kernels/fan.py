@@ -86,7 +86,7 @@ def cell_of_single(x: Any, y: Any, z: Any, scale: Any, most: Any) -> Any:
     rho = np.sqrt(max(_ZERO, _UNIT - z))
     ax, ay = abs(x), abs(y)
     first = ax >= ay
-    t = min(ax, ay) / max(max(ax, ay), _TINY)
+    t = min(ax, ay) / max(ax, ay, _TINY)
     s = t * t
     q = s * s
     arc = (_T0 + _T1 * s) + q * ((_T2 + _T3 * s) + q * (_T4 + _T5 * s))

@@ -310,6 +310,16 @@ def lens_place(
 
 
 @jit
+def ring_place(at: Place, rows: int, r: float) -> Place:
+    """The same place in a table of one angle of incidence: one of the two rows beside its azimuth, at random."""
+    ax, ay = abs(at.x), abs(at.y)
+    swap = ay > ax
+    share = (4.0 / math.pi) * arctan_unit(min(ax, ay) / max(ax, ay, 1e-300))
+    row = min(int(share * (rows - 1) + r), rows - 1)
+    return Place(at.x, at.y, row, swap, math.copysign(1.0, at.x), math.copysign(1.0, at.y), at.c, at.s)
+
+
+@jit
 def entry_of(table: Table, count: int, pick: float) -> int:
     """First of ``count`` consecutive entries of a row, chosen by a number in [0, 1)."""
     return int(pick * (table.shape[1] - count + 1))
