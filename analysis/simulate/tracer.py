@@ -198,7 +198,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     for r in range(rounds):
         part = rays[r * count : (r + 1) * count] if given else rays
         number = len(part) if given else count
-        flux = source.flux * BATCHES if given else _per_ray(source, number * rounds)
+        flux = source.flux * BATCHES if given else per_ray(source, number * rounds)
         light = k.Light(source.mode, source.side, steps, flux, source.span, source.suns, np.ascontiguousarray(part))
         seed = np.uint64((use.seed * 1_000_003 + b) * 65_537 + r)
         trace_kernel(ready, counts, light, seed, number)
@@ -210,7 +210,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     return sums[0], sums[1], counts.balance
 
 
-def _per_ray(source: Source, rays: int) -> Floats:
+def per_ray(source: Source, rays: int) -> Floats:
     """What a ray of each cell carries per projected area, so that every batch alone gives the whole flux."""
     probability = np.where(source.probability > 0.0, source.probability, 1.0)
     flux: Floats = source.flux / (probability * rays)[:, None]

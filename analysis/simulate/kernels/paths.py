@@ -38,7 +38,7 @@ from analysis.simulate.kernels.optics import mix, stream, uniform
 from analysis.simulate.kernels.wells import LOW, cross, roulette
 
 MAX_EVENTS: Final = 200_000
-_RAY_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
+RAY_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 
 
 @jit
@@ -178,7 +178,7 @@ def trace(sky: Skylight, counts: Counts, light: Light, seed: np.uint64, count: i
     s6, state = uniform(state)
     source = ZERO
     for i in range(count):
-        key = mix(base + np.uint64(i) * _RAY_STEP)
+        key = mix(base + np.uint64(i) * RAY_STEP)
         state = stream(key, ONE)
         pick = even(s6, i, A6)
         if light.mode == GIVEN:
