@@ -37,7 +37,6 @@ def scene_text(
     that of the table ``sky.dat`` over the ``alt`` and ``azi`` of ``sky.cal``).
     Raises `SimulationError` for what the engine cannot do.
     """
-    check(system)
     lines = []
     kind = "light {} 0 0 3 1 1 1" if sees_sun_directly(system) else "glow {} 0 0 4 1 1 1 0"
     for k, (x, y, z) in enumerate(suns):  # before the sky: of distant sources in line a ray meets the first
@@ -47,11 +46,19 @@ def scene_text(
         lines.append("void brightdata skydata 5 noop sky.dat sky.cal alt azi 0 0")
     lines.append(f"{'skydata' if sky_data else 'void'} glow skyglow 0 0 4 1 1 1 0")
     lines.append("skyglow source sky 0 0 4 0 0 1 180")
-    lines += _well(system)
-    lines += _roof(system)
-    lines += _cover(system, lens_files.get("entry"))
-    lines += _exit(system, lens_files.get("exit"))
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + surfaces_text(system, lens_files)
+
+
+def surfaces_text(system: System, lens_files: dict[str, Path]) -> str:
+    """The skylight and a black roof around it, without any light source; see `scene_text`."""
+    check(system)
+    parts = (
+        _well(system),
+        _roof(system),
+        _cover(system, lens_files.get("entry")),
+        _exit(system, lens_files.get("exit")),
+    )
+    return "\n".join(line for part in parts for line in part) + "\n"
 
 
 def check(system: System) -> None:
