@@ -37,6 +37,9 @@ Light that meets the flat face gets a quarter: only a whole sky enters by that t
 PARTS: Final = 8
 """A table comes in so many parts of equally many samples, one for each batch of the tracer."""
 
+LEAST: Final = 32 * PARTS
+"""Samples of a row that leave each part the 32 neighbours which are scored at once (`Settings.split`)."""
+
 RING_STEPS: Final = 48
 """Steps of azimuth, from 0 to 45 degrees, in a table of one angle of incidence."""
 
@@ -117,8 +120,8 @@ def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables
 
     def make() -> dict[str, NDArray[Any]]:
         return {
-            "flat": _one_side(lens, False, max(samples // 4, 64), half, sampler),
-            "prisms": _one_side(lens, True, samples, half, sampler),
+            "flat": _one_side(lens, False, max(samples // 4, LEAST), half, sampler),
+            "prisms": _one_side(lens, True, max(samples, LEAST), half, sampler),
         }
 
     stored = kept("lenses", recipe, make)
@@ -143,6 +146,7 @@ def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None =
 
 @functools.lru_cache(maxsize=64)
 def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, sampler: Sampler) -> Table:
+    samples = max(samples, LEAST)
     rng = np.random.default_rng([_VERSION, 7, samples])
     table = np.full((len(spots), samples, 3), -1, dtype=np.int16)
     turn = math.radians(lens.orientation_deg)
@@ -158,7 +162,7 @@ def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, s
         out, weight = sampler(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
         back = _turned(out.reshape(samples, 3) * z, angle) * flip
         order = rng.permutation(samples)
-        table[row] = _packed(back, spot, weight.reshape(samples))[order]
+        table[row] = packed(back, spot, weight.reshape(samples))[order]
     return table
 
 
@@ -204,8 +208,11 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
     )
 
 
-def _packed(out: Floats, sent: Floats, weight: Floats) -> Table:
-    """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected."""
+def packed(out: Floats, sent: Floats, weight: Floats) -> Table:
+    """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected.
+
+    ``out`` (..., 3) for light sent along ``sent``, which broadcasts.
+    """
     entries = np.empty(out.shape, dtype=np.int16)
     through = (out[..., 2] * sent[..., 2] > 0.0) & (weight > 0.0)
     difference = (out[..., :2] - sent[..., :2]) * DELTA_UNITS
@@ -231,7 +238,7 @@ def _traced(lens: Lens, from_prisms: bool, down: Floats, samples: int, stream: i
         rng = np.random.default_rng([_VERSION, stream, samples, first])
         rows = slice(first, first + step)
         out, weight = sampler(lens, from_prisms, sent[rows], samples, rng)
-        table[rows] = _packed(out, sent[rows, None, :], weight)
+        table[rows] = packed(out, sent[rows, None, :], weight)
 
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         list(pool.map(piece, range(0, len(down), step)))

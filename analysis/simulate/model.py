@@ -8,7 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
-from analysis.simulate.lens import PARTS, Sampler, Table, half_lobe, in_parts, nodes, ring_table, sun_table, tables
+from analysis.simulate.lens import (
+    HALF,
+    PARTS,
+    Sampler,
+    Table,
+    half_lobe,
+    in_parts,
+    nodes,
+    ring_table,
+    sun_table,
+    tables,
+)
+from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, wide_nodes
 from analysis.simulate.system import Lens, System, Wall
 
 Floats = NDArray[np.float64]
@@ -17,14 +29,13 @@ LEAST_RING: Final = 2048
 MOST_RING: Final = 65_536
 """Samples at each azimuth of a ring."""
 
-_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING}
+_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING, "bsdf": k.TABLE}
 
 
 def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.Skylight:
     """A system's arrays, with all parts of its scatter tables, which are made or read where lenses need them."""
-    above, below, half = _lens_tables(system.entry, samples, sampler)
-    under, _, half2 = _lens_tables(system.exit, samples, sampler)
-    half = max(half, half2)
+    above, below = _lens_tables(system.entry, samples, sampler)
+    under, _ = _lens_tables(system.exit, samples, sampler)
     return k.Skylight(
         geometry=geometry(system),
         facets=facets(system),
@@ -35,8 +46,8 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         above=above,
         below=below,
         under=under,
-        nodes=np.ascontiguousarray(nodes(half)[:, :2]),
-        half=half,
+        nodes=np.ascontiguousarray(nodes(HALF)[:, :2]),
+        wide=np.ascontiguousarray(wide_nodes(WIDE_HALF)[:, :2]),
         exact=False,
         spots=np.zeros((1, 2)),
         ring=_no_table(),
@@ -59,6 +70,8 @@ def for_sun(
     travel = -np.array([c * towards[0] + s * towards[1], c * towards[1] - s * towards[0], towards[2]])
     normals = ready.facets[:, :3] if ready.geometry[k.COVER] == k.PYRAMID else np.array([[0.0, 0.0, 1.0]])
     spots = np.array([_on_facet(travel, normal) for normal in normals])
+    if system.entry.kind == "bsdf":
+        sampler = file_sampler(system.entry)
     table = sun_table(system.entry, spots, samples, sampler)
     return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
 
@@ -139,6 +152,8 @@ def _lens(lens: Lens) -> tuple[float, ...]:
         lens.absorption_per_mm * lens.thickness_mm,
         lens.transmittance,
         lens.reflectance,
+        WIDE_HALF if lens.kind == "bsdf" else HALF,
+        lens.kind == "bsdf",
     )
     return tuple(float(value) for value in row)
 
@@ -148,13 +163,14 @@ def _no_table() -> Table:
     return np.zeros((PARTS, 1, 1, 3), dtype=np.int16)
 
 
-def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table, int]:
+def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table]:
+    """For light from above and for light from below."""
+    if lens.kind == "bsdf":
+        return file_tables(lens, samples)
     if lens.kind != "prismatic":
-        return _no_table(), _no_table(), 1
+        return _no_table(), _no_table()
     made = tables(lens, samples, sampler=sampler)
-    if lens.prisms == "down":
-        return made.flat, made.prisms, made.half
-    return made.prisms, made.flat, made.half
+    return (made.flat, made.prisms) if lens.prisms == "down" else (made.prisms, made.flat)
 
 
 def _on_facet(travel: Floats, normal: Floats) -> Any:

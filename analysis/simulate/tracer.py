@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
-from analysis.simulate.lens import PARTS, SAMPLES, Sampler
+from analysis.simulate.lens import LEAST, PARTS, SAMPLES, Sampler
 from analysis.simulate.model import for_sun, skylight, with_ring
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from analysis.simulate.tally import Balance, Tally
+from labdaq.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +79,8 @@ def trace(system: System, source: Source, settings: Settings | None = None, samp
     of its own, and they are added in order. ``sampler`` replaces the ray tracer of prismatic sheets.
     """
     use = settings or Settings()
+    if not 1 <= use.split <= LEAST // PARTS:
+        raise ConfigError(f"split: {use.split} is not between 1 and {LEAST // PARTS}")
     ready = skylight(system, use.samples, sampler)
     jobs = _jobs(system, ready, source, use, sampler)
     blank = _counts(system, use, 1 if len(jobs) > 1 else source.members)
@@ -118,7 +121,7 @@ def _jobs(
     if source.mode == k.SKY:
         return [(ready, source)]
     disc = use.sun_samples > 0 and not np.any(source.suns[:, 4])
-    exact = disc and system.entry.kind == "prismatic" and ready.geometry[k.COVER] != k.DOME
+    exact = disc and system.entry.kind in ("prismatic", "bsdf") and ready.geometry[k.COVER] != k.DOME
     ring = disc and system.entry.kind in ("none", "clear") and system.exit.kind == "prismatic"
     jobs = []
     for row, flux in zip(source.suns, np.diag(source.flux), strict=True):

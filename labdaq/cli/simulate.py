@@ -105,6 +105,7 @@ def command(
         well_depth_m = 0.8
         wall.reflectance = 0.92
         exit.orientation_deg = 45
+        entry.bsdf = "lens.xml"     (Klems or tensor tree, beside the file)
 
     The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
     illuminance there is no sun.

@@ -75,13 +75,16 @@ def _lens_files(folder: Path, system: System, files: list[Path]) -> dict[str, Pa
     found = {}
     for place in ("entry", "exit"):
         lens: Lens = getattr(system, place)
-        if lens.kind != "prismatic":
+        if lens.kind not in ("prismatic", "bsdf"):
             continue
         path, klems = folder / f"{place}.xml", folder / f"{place}-klems.xml"
         shutil.move(bsdf_file(lens, folder), path)
+        found[place] = path
+        if lens.kind == "bsdf":
+            files.append(path)
+            continue
         shutil.move(klems_file(lens, folder), klems)
         files += [path, klems]
-        found[place] = path
     return found
 
 
@@ -107,6 +110,9 @@ def _wall(wall: Wall) -> str:
 
 
 def _lens(lens: Lens) -> str:
+    if lens.kind == "bsdf":
+        front = "up" if lens.prisms == "down" else "down"
+        return f"a BSDF file, front {front}, turned by {lens.orientation_deg:g} degrees"
     if lens.kind == "diffusing":
         return f"diffusing, transmittance {lens.transmittance:g}, reflectance {lens.reflectance:g}"
     solid = f"index {lens.refractive_index:g}, {lens.thickness_mm:g} mm, absorption {lens.absorption_per_mm:g}/mm"

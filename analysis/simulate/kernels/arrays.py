@@ -21,7 +21,7 @@ NX, NY, NZ, OFFSET, FACET_AREA = range(5)
 # columns of a wall
 RHO, LAMBERT, SPREAD = range(3)
 # columns of a lens
-KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT = range(11)
+KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT, HALF, WIDE = range(13)
 NONE, CLEAR, TABLE, DIFFUSING = 0, 1, 2, 3
 # units of the scatter tables
 DELTA_SCALE: Final = 1.0 / 16000.0
@@ -45,10 +45,9 @@ class Skylight(NamedTuple):
         Scatter tables (parts, rows, samples, 3), int16: the entry from outside and from inside, the exit lens from
         inside. The kernels are given one part: each batch reads a part of its own, so that the scatter between batches
         shows the tables' noise too.
-    nodes : shape (rows, 2)
-        Tangential direction cosines of incidence of the tables' rows.
-    half
-        Steps of the tables' grid from middle to edge.
+    nodes, wide : shape (rows, 2)
+        Tangential direction cosines of incidence of the tables' rows: of a pattern with the symmetry of a square, and
+        of any pattern.
     exact
         Whether ``above`` was made for this very sun: one row for each facet, in the facet's own frame.
     spots : shape (facets, 2)
@@ -74,7 +73,7 @@ class Skylight(NamedTuple):
     below: Table
     under: Table
     nodes: Floats
-    half: int
+    wide: Floats
     exact: bool
     spots: Floats
     ring: Table

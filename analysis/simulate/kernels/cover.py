@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, Frame, Load, Ray, Scene, Skylight
+from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, WIDE, Frame, Load, Ray, Scene, Skylight
 from analysis.simulate.kernels.counting import NO, ZERO
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.jit import jit, part
@@ -102,9 +102,9 @@ def enter(
     mirrored = False
     nodes = sky.spots
     if facet < 0:
-        at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
+        at, state = lens_place(lens, lx, ly, cosine, state)
         mirrored = lens[MIRROR] != 0.0
-        nodes = sky.nodes
+        nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
     first = entry_of(sky.above, counts.split, pick)
     p, q = nodes[at.row, 0], nodes[at.row, 1]
     qx, qy, through, w = lens_sample(sky.above, p, q, at, first)

@@ -15,6 +15,7 @@ from analysis.simulate.kernels.arrays import (
     RECTANGLE,
     SHAPE,
     TABLE,
+    WIDE,
     Frame,
     Load,
     Ray,
@@ -62,8 +63,9 @@ def exit_fan(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64)
     sky, counts = scene.sky, scene.counts
     lens = sky.exit
     pick, state = uniform(state)
-    at, state = lens_place(lens, sky.half, ray.dx, ray.dy, -ray.dz, state)
-    table, nodes = sky.under, sky.nodes
+    at, state = lens_place(lens, ray.dx, ray.dy, -ray.dz, state)
+    table = sky.under
+    nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
     if abs(ray.dz + sky.ring_cosine) < RING:
         table, nodes = sky.ring, sky.ring_nodes
         r, state = uniform(state)

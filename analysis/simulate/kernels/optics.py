@@ -14,6 +14,7 @@ from analysis.simulate.kernels.arrays import (
     COS,
     DELTA_SCALE,
     DEPTH,
+    HALF,
     HAZE,
     INDEX,
     ISOTROPIC,
@@ -26,6 +27,7 @@ from analysis.simulate.kernels.arrays import (
     TABLE,
     TRANSMIT,
     WEIGHT_SCALE,
+    WIDE,
     Numbers,
     Skylight,
     Table,
@@ -194,6 +196,15 @@ def lens_node(lx: float, ly: float, cosine: float, half: int, r1: float, r2: flo
 
 
 @jit
+def wide_node(lx: float, ly: float, cosine: float, half: int, r1: float, r2: float) -> int:
+    """Table row as `lens_node` finds it, for a pattern without symmetry: the grid covers the whole square."""
+    u, v = square_of(lx, ly, cosine)
+    i = min(int((u + 1.0) * half + r1), 2 * half)
+    j = min(int((v + 1.0) * half + r2), 2 * half)
+    return i * (2 * half + 1) + j
+
+
+@jit
 def lens_sample(table: Table, p: float, q: float, at: Place, k: int) -> tuple[float, float, bool, float]:
     """Outgoing tangential cosines in the pattern's frame, whether the light passes, and its weight, from entry ``k``.
 
@@ -297,15 +308,16 @@ def lens_finish(
 
 
 @jit
-def lens_place(
-    lens: Numbers, half: int, lx: float, ly: float, cosine: float, state: np.uint64
-) -> tuple[Place, np.uint64]:
+def lens_place(lens: Numbers, lx: float, ly: float, cosine: float, state: np.uint64) -> tuple[Place, np.uint64]:
     """Where a table is read for light of these direction cosines."""
     c, s, state = lens_turn(lens, state)
     px, py = to_pattern(lens, lx, ly, c, s)
     r1, state = uniform(state)
     r2, state = uniform(state)
-    row, swap, sx, sy = lens_node(px, py, cosine, half, r1, r2)
+    if lens[WIDE] != 0.0:
+        row = wide_node(px, py, cosine, int(lens[HALF]), r1, r2)
+        return Place(px, py, row, False, 1.0, 1.0, c, s), state
+    row, swap, sx, sy = lens_node(px, py, cosine, int(lens[HALF]), r1, r2)
     return Place(px, py, row, swap, sx, sy, c, s), state
 
 
@@ -346,9 +358,10 @@ def lens_hit(
     if lens[KIND] != TABLE:
         ox, oy, through, w, state = lens_plain(lens, lx, ly, cosine, state)
     else:
-        at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
+        at, state = lens_place(lens, lx, ly, cosine, state)
         k = entry_of(table, _ONE, pick)
-        qx, qy, through, w = lens_sample(table, sky.nodes[at.row, 0], sky.nodes[at.row, 1], at, k)
+        nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
+        qx, qy, through, w = lens_sample(table, nodes[at.row, 0], nodes[at.row, 1], at, k)
         ox, oy = from_pattern(lens, qx, qy, at.c, at.s)
     ox, oy, w, state = lens_finish(lens, from_above, cosine, ox, oy, through, w, state)
     return ox, oy, through, w, state

@@ -142,8 +142,9 @@ def uncounted(sky: Skylight, counts: Counts, light: Light) -> Scene:
     return Scene(
         Skylight(
             sky.geometry, borrowed(sky.facets), sky.well, sky.boot, sky.entry, sky.exit, borrowed(sky.above),
-            borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), sky.half, sky.exact, borrowed(sky.spots),
-            borrowed(sky.ring), borrowed(sky.ring_nodes), sky.ring_cosine, borrowed(sky.lobe), borrowed(sky.powers),
+            borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), borrowed(sky.wide), sky.exact,
+            borrowed(sky.spots), borrowed(sky.ring), borrowed(sky.ring_nodes), sky.ring_cosine, borrowed(sky.lobe),
+            borrowed(sky.powers),
         ),
         Counts(
             borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes,

@@ -1,5 +1,6 @@
 """BSDF files of prismatic lenses for Radiance: tensor trees, traced once and kept."""
 
+import hashlib
 import shutil
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,15 @@ _OPTICAL = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm",
 
 
 def bsdf_file(lens: Lens, folder: Path, depth: int = DEPTH) -> Path:
-    """A BSDF file of a lens in ``folder`` (made by ray tracing, or copied from the cache); front is the flat side."""
+    """A BSDF file of a lens in ``folder``: made by ray tracing, from the cache, or a copy of the file it names.
+
+    Its front is the flat side.
+    """
+    if lens.kind == "bsdf":
+        source = Path(lens.bsdf)
+        here = folder / f"{hashlib.sha256(source.read_bytes()).hexdigest()[:24]}.xml"
+        shutil.copyfile(source, here)
+        return here
     return _kept(lens, folder, {"depth": depth})
 
 
