@@ -38,6 +38,8 @@ class Settings:
         Same seed, same rays: variants of one system then differ by physics only.
     distance_m
         Of the near field's sensors from the aperture's centre; 0 for the far field alone.
+    flat
+        The sensors lie in a horizontal plane that far below the aperture and look up; see `Tally.illuminance`.
     max_bounces
         Rays are cut after so many reflections at walls; None follows them to the end. (A finished run can be cut
         afterwards with `Tally.collapsed`; cutting now only saves time.)
@@ -61,6 +63,7 @@ class Settings:
     rays: int = 2_000_000
     seed: int = 1
     distance_m: float = 2.6
+    flat: bool = False
     max_bounces: int | None = None
     split: int = 32
     glow: int = 1
@@ -107,6 +110,7 @@ def trace(system: System, source: Source, settings: Settings | None = None, samp
         soft=_axes(soft, blank, use.soft_side, sharp=False),
         system=system,
         distance_m=use.distance_m,
+        flat=use.flat,
         max_bounces=use.max_bounces,
         balance=Balance.of(balance, BATCHES),
     )
@@ -158,6 +162,7 @@ def _counts(system: System, use: Settings, members: int) -> k.Counts:
         diffuse_well=soft_wall,
         diffuse_boot=soft_boot,
         distance=use.distance_m,
+        flat=use.flat,
         split=use.split,
         glow=use.glow,
         limit=NO_LIMIT if use.max_bounces is None else use.max_bounces,

@@ -113,6 +113,8 @@ class Counts(NamedTuple):
         Whether a bounce there makes light soft.
     distance
         Of the near field's sensors [m]; 0 leaves it out.
+    flat
+        Whether they lie in a plane so far below the aperture, instead of on a sphere around its centre.
     split, glow
         Samples scored for each ray that reaches the last lens, and that a diffuse wall sends on.
     limit
@@ -133,6 +135,7 @@ class Counts(NamedTuple):
     diffuse_well: bool
     diffuse_boot: bool
     distance: float
+    flat: bool
     split: int
     glow: int
     limit: int

@@ -72,7 +72,8 @@ def score(scene: Scene, source: int, boot: int, wall: int, value: float, ray: Ra
     """Count a ray that leaves the aperture after so many bounces on boot and wall; ``value``: m² of the source's light.
 
     A sensor that faces the aperture's centre from distance D sees E = dΦ/dA of its sphere, so candela "as measured"
-    = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field.
+    = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field. So is a plane:
+    there E = dΦ/dΩ cos³ γ / D².
     """
     if value == 0.0:
         return
@@ -84,7 +85,12 @@ def score(scene: Scene, source: int, boot: int, wall: int, value: float, ray: Ra
     add(counts, light, source, gentle, far + cell_of(dx, dy, -ray.dz, side), value)
     d = counts.distance
     if d > 0.0:
-        p = x * dx + y * dy
-        t = math.sqrt(p * p + d * d - x * x - y * y) - p
-        cell = cell_of((x + t * dx) / d, (y + t * dy) / d, -t * ray.dz / d, side)
+        if counts.flat:
+            t = d / max(-ray.dz, 1e-9)
+        else:
+            p = x * dx + y * dy
+            t = math.sqrt(p * p + d * d - x * x - y * y) - p
+        x, y, z = x + t * dx, y + t * dy, -t * ray.dz
+        r = math.sqrt(x * x + y * y + z * z)
+        cell = cell_of(x / r, y / r, z / r, side)
         add(counts, light, source, gentle, near + cell, value)

@@ -107,7 +107,7 @@ def aim_fan(counts: Counts, size: int, geo: Numbers, side: int, x: float, y: flo
     x1, y1, z1 = np.float32(x), np.float32(y), np.float32(z)
     d, per_d = np.float32(max(counts.distance, 1.0)), np.float32(1.0 / max(counts.distance, 1.0))
     width, depth = np.float32(geo[AX] * 1.0000005), np.float32(geo[AY] * 1.0000005)
-    rectangle = geo[SHAPE] == RECTANGLE
+    rectangle, flat = geo[SHAPE] == RECTANGLE, counts.flat
     for k in range(size):
         a, b = counts.fan_a[k], counts.fan_b[k]
         h = np.sqrt(max(_LEAST, _UNIT - a * a - b * b))
@@ -126,8 +126,10 @@ def aim_fan(counts: Counts, size: int, geo: Numbers, side: int, x: float, y: flo
         dx, dy = tc * dx - ts * dy, ts * dx + tc * dy
         counts.fan_far[k] = cell_of_single(dx, dy, -dz, scale, most)
         p = qx * dx + qy * dy
-        t = np.sqrt(p * p + d * d - qx * qx - qy * qy) - p
-        counts.fan_near[k] = cell_of_single((qx + t * dx) * per_d, (qy + t * dy) * per_d, -t * dz * per_d, scale, most)
+        t = d / max(_SMALL, -dz) if flat else np.sqrt(p * p + d * d - qx * qx - qy * qy) - p
+        qx, qy, qz = qx + t * dx, qy + t * dy, -t * dz
+        r = _UNIT / np.sqrt(qx * qx + qy * qy + qz * qz) if flat else per_d
+        counts.fan_near[k] = cell_of_single(qx * r, qy * r, qz * r, scale, most)
 
 
 @jit

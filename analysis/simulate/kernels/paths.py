@@ -149,7 +149,8 @@ def uncounted(sky: Skylight, counts: Counts, light: Light) -> Scene:
         Counts(
             borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes,
             counts.sharp_classes, counts.bounces, counts.members, counts.diffuse_well, counts.diffuse_boot,
-            counts.distance, counts.split, counts.glow, counts.limit, borrowed(counts.balance), borrowed(counts.fan_a),
+            counts.distance, counts.flat,
+            counts.split, counts.glow, counts.limit, borrowed(counts.balance), borrowed(counts.fan_a),
             borrowed(counts.fan_b), borrowed(counts.fan_w), borrowed(counts.fan_far), borrowed(counts.fan_near),
         ),
         Light(
