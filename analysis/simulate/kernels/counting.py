@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Cells, Counts, Light, Ray, Scene
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import square_of
+from analysis.simulate.kernels.maps import square_of
 
 # typed, because numba compiles a function again for every literal it is called with
 ZERO: Final[Any] = np.int64(0)

@@ -9,16 +9,8 @@ from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, WIDE, Fra
 from analysis.simulate.kernels.counting import NO, ZERO
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.jit import jit, part
-from analysis.simulate.kernels.optics import (
-    Place,
-    cosine_lobe,
-    dirt,
-    entry_of,
-    lens_finish,
-    lens_hit,
-    lens_place,
-    lens_sample,
-)
+from analysis.simulate.kernels.maps import cosine_lobe
+from analysis.simulate.kernels.optics import Place, dirt, entry_of, lens_finish, lens_hit, lens_place, lens_sample
 
 HAZE_SAMPLES: Final = 4
 

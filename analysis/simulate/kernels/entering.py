@@ -7,7 +7,7 @@ from analysis.simulate.kernels.counting import ONE, ZERO
 from analysis.simulate.kernels.geometry import land
 from analysis.simulate.kernels.jit import kernel
 from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, even, from_sky, from_sun
-from analysis.simulate.kernels.optics import mix, stream, uniform
+from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.paths import RAY_STEP
 
 

@@ -25,9 +25,9 @@ from analysis.simulate.kernels.counting import ONE, ZERO, score
 from analysis.simulate.kernels.cover import haze_fan
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.jit import jit
+from analysis.simulate.kernels.maps import cosine_lobe, uniform
 from analysis.simulate.kernels.optics import (
     Place,
-    cosine_lobe,
     dirt,
     entry_of,
     from_pattern,
@@ -35,7 +35,6 @@ from analysis.simulate.kernels.optics import (
     lens_place,
     lens_sample,
     ring_place,
-    uniform,
 )
 
 RING: Final = 0.005

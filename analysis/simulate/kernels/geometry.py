@@ -32,7 +32,7 @@ from analysis.simulate.kernels.arrays import (
     Numbers,
 )
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import circle, cosine_lobe, uniform
+from analysis.simulate.kernels.maps import circle, cosine_lobe, uniform
 
 
 @jit

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.simulate.kernels.arrays import Floats
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import circle, hemisphere_of, uniform
+from analysis.simulate.kernels.maps import circle, hemisphere_of, uniform
 
 # additive recurrence in six dimensions: powers of the root of x^7 = x + 1 (Roberts 2018, generalised golden ratio)
 _ROOT: Final = 1.1127756842787055

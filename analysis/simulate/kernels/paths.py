@@ -34,7 +34,7 @@ from analysis.simulate.kernels.exits import exit_fan, exit_plain
 from analysis.simulate.kernels.geometry import land, under_cover
 from analysis.simulate.kernels.jit import borrowed, jit, kernel
 from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, A6, even, from_sky, from_sun
-from analysis.simulate.kernels.optics import mix, stream, uniform
+from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.wells import LOW, cross, roulette
 
 MAX_EVENTS: Final = 200_000

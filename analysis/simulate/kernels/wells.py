@@ -26,7 +26,7 @@ from analysis.simulate.kernels.arrays import (
 from analysis.simulate.kernels.exits import glow
 from analysis.simulate.kernels.geometry import bounce, mirror_box, mirror_cylinder, next_wall
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import uniform
+from analysis.simulate.kernels.maps import uniform
 
 LOW: Final = 0.05
 RAISED: Final = 0.1

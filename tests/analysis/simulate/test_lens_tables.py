@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from prism_sampler import sheet_samples
 
-from analysis.simulate.kernels.optics import circle
+from analysis.simulate.kernels.maps import circle
 from analysis.simulate.lens import DELTA_UNITS, nodes, ring_table, sun_table, tables
 from analysis.simulate.smooth import smoother
 from analysis.simulate.source import cell_directions, suns
