@@ -51,6 +51,6 @@ def case_system(name: str, simulated: Mapping[str, Any]) -> System:
             "well_depth_m": simulated["well_depth_m"],
             "wall_reflectance": simulated["wall"]["reflectance"],
             "wall_finish": simulated["wall"]["finish"],
-            "lens": next(kind for kind in ("prismatic", "diffusing", "clear", "none") if kind in sheets),
+            "lens": next(kind for kind in ("prismatic", "bsdf", "diffusing", "clear", "none") if kind in sheets),
         }
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.cases.model import Aperture, Floats
 from analysis.photometry import Distribution
+from analysis.photometry.any_file import OTHER_SUFFIXES, read_distribution
 from analysis.photometry.closing import closed_at_90
 from analysis.photometry.lm63 import FileGeneration, Opening, parse_lm63, render_lm63
 from analysis.photometry.lm63_model import REQUIRED_KEYWORDS
@@ -51,9 +52,15 @@ class Predicted:
 
     @classmethod
     def read(cls, paths: Mapping[str, Path]) -> Self:
-        """Read .ies files by part; raises `DataError` naming the file and the line."""
+        """Read files by part: .ies, .ldt, or candela tables (see `analysis.photometry.any_file`).
+
+        Raises `DataError` naming the file and the line.
+        """
         raw, parts = {}, {}
         for part, path in paths.items():
+            if path.suffix.lower() in OTHER_SUFFIXES:
+                parts[part] = read_distribution(path)  # a case gets it as .ies
+                continue
             try:
                 raw[part] = path.read_bytes()
             except OSError as error:

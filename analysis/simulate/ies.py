@@ -45,14 +45,18 @@ def opening(system: System) -> Opening:
 def keywords(made: Prediction, field: Field, issued: str, what: str) -> dict[str, str]:
     """LM-63 keywords of a simulated file: what the standard requires, the daylight, and how it was made."""
     day = made.daylight
-    data = TestData(
-        sun_altitude_deg=day.sun_altitude_deg,
-        sun_azimuth_deg=day.sun_azimuth_deg % 360.0,
-        global_lx=day.beam_lx + day.diffuse_lx,
-        diffuse_lx=day.diffuse_lx,
-        distance_m=made.distance_m if field == "near" else None,
-        field=field,
-    )
+    distance_m = made.distance_m if field == "near" else None
+    if "rays" in made.facts:  # given one by one: no daylight is known
+        data = TestData(distance_m=distance_m, field=field)
+    else:
+        data = TestData(
+            sun_altitude_deg=day.sun_altitude_deg,
+            sun_azimuth_deg=day.sun_azimuth_deg % 360.0,
+            global_lx=day.beam_lx + day.diffuse_lx,
+            diffuse_lx=day.diffuse_lx,
+            distance_m=distance_m,
+            field=field,
+        )
     worst = 100.0 * made.field(field).worst_relative()
     return {
         "TEST": day.name or f"simulation of {made.system.name}",

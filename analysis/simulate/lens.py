@@ -34,6 +34,15 @@ SAMPLES: Final = 8192
 Light that meets the flat face gets a quarter: only a whole sky enters by that table, and it averages over all rows.
 """
 
+PARTS: Final = 8
+"""A table comes in so many parts of equally many samples, one for each batch of the tracer."""
+
+LEAST: Final = 32 * PARTS
+"""Samples of a row that leave each part the 32 neighbours which are scored at once (`Settings.split`)."""
+
+RING_STEPS: Final = 48
+"""Steps of azimuth, from 0 to 45 degrees, in a table of one angle of incidence."""
+
 DELTA_UNITS: Final = 16000.0
 WEIGHT_UNITS: Final = 32000.0
 
@@ -47,7 +56,7 @@ class LensTables:
 
     Attributes
     ----------
-    flat, prisms : shape (directions, samples, 3), int16
+    flat, prisms : shape (PARTS, directions, samples / PARTS, 3), int16
         Differences of the two tangential direction cosines (in 1/16000) and weight (in 1/32000; negative: reflected).
     half
         Steps of the grid from middle to edge.
@@ -111,12 +120,19 @@ def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables
 
     def make() -> dict[str, NDArray[Any]]:
         return {
-            "flat": _one_side(lens, False, max(samples // 4, 64), half, sampler),
-            "prisms": _one_side(lens, True, samples, half, sampler),
+            "flat": _one_side(lens, False, max(samples // 4, LEAST), half, sampler),
+            "prisms": _one_side(lens, True, max(samples, LEAST), half, sampler),
         }
 
     stored = kept("lenses", recipe, make)
-    return LensTables(stored["flat"], stored["prisms"], half)
+    return LensTables(in_parts(stored["flat"]), in_parts(stored["prisms"]), half)
+
+
+def in_parts(table: Table) -> Table:
+    """A table (rows, samples, 3) as (PARTS, rows, samples / PARTS, 3): what one batch reads lies close together."""
+    rows, samples, _ = table.shape
+    use = samples - samples % PARTS
+    return np.ascontiguousarray(table[:, :use].reshape(rows, PARTS, use // PARTS, 3).swapaxes(0, 1))
 
 
 def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None) -> Table:
@@ -130,6 +146,7 @@ def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None =
 
 @functools.lru_cache(maxsize=64)
 def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, sampler: Sampler) -> Table:
+    samples = max(samples, LEAST)
     rng = np.random.default_rng([_VERSION, 7, samples])
     table = np.full((len(spots), samples, 3), -1, dtype=np.int16)
     turn = math.radians(lens.orientation_deg)
@@ -145,8 +162,27 @@ def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, s
         out, weight = sampler(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
         back = _turned(out.reshape(samples, 3) * z, angle) * flip
         order = rng.permutation(samples)
-        table[row] = _packed(back, spot, weight.reshape(samples))[order]
+        table[row] = packed(back, spot, weight.reshape(samples))[order]
     return table
+
+
+def ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler | None = None) -> tuple[Floats, Table]:
+    """Scatter at one angle of incidence from above: directions of travel (n, 3), azimuths 0 to 45 degrees, and table.
+
+    The table has the form of `in_parts`, in the pattern's frame; orientation, mirroring and isotropy belong to the
+    tracer, as with `tables`. The last few are remembered.
+    """
+    optics = dataclasses.replace(Lens(), prisms=lens.prisms, **{name: getattr(lens, name) for name in _OPTICAL})
+    return _ring_table(optics, cosine, samples, sampler or traced_samples)
+
+
+@functools.lru_cache(maxsize=16)
+def _ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler) -> tuple[Floats, Table]:
+    azimuth = 0.25 * math.pi * np.arange(RING_STEPS + 1) / RING_STEPS
+    sine = math.sqrt(1.0 - cosine**2)
+    spots = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.full(len(azimuth), -cosine)], axis=1)
+    from_prisms = lens.prisms == "up"
+    return spots, in_parts(_traced(lens, from_prisms, spots, samples, 11, sampler))
 
 
 @functools.lru_cache(maxsize=1)
@@ -172,8 +208,11 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
     )
 
 
-def _packed(out: Floats, sent: Floats, weight: Floats) -> Table:
-    """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected."""
+def packed(out: Floats, sent: Floats, weight: Floats) -> Table:
+    """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected.
+
+    ``out`` (..., 3) for light sent along ``sent``, which broadcasts.
+    """
     entries = np.empty(out.shape, dtype=np.int16)
     through = (out[..., 2] * sent[..., 2] > 0.0) & (weight > 0.0)
     difference = (out[..., :2] - sent[..., :2]) * DELTA_UNITS
@@ -185,17 +224,21 @@ def _packed(out: Floats, sent: Floats, weight: Floats) -> Table:
 
 
 def _one_side(lens: Lens, from_prisms: bool, samples: int, half: int, sampler: Sampler) -> Table:
-    """Trace all rows of one table; pieces have random numbers of their own, so threads do not matter."""
-    down = nodes(half)
+    """All rows of one table."""
+    return _traced(lens, from_prisms, nodes(half), samples, int(from_prisms), sampler)
+
+
+def _traced(lens: Lens, from_prisms: bool, down: Floats, samples: int, stream: int, sampler: Sampler) -> Table:
+    """Trace rows of a table; pieces have random numbers of their own, so threads do not matter."""
     sent = np.ascontiguousarray(down * np.array([1.0, 1.0, -1.0])) if from_prisms else down
     table = np.empty((len(down), samples, 3), dtype=np.int16)
     step = max(1, 400_000 // samples)
 
     def piece(first: int) -> None:
-        rng = np.random.default_rng([_VERSION, int(from_prisms), samples, first])
+        rng = np.random.default_rng([_VERSION, stream, samples, first])
         rows = slice(first, first + step)
         out, weight = sampler(lens, from_prisms, sent[rows], samples, rng)
-        table[rows] = _packed(out, sent[rows, None, :], weight)
+        table[rows] = packed(out, sent[rows, None, :], weight)
 
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         list(pool.map(piece, range(0, len(down), step)))

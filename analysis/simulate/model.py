@@ -2,25 +2,40 @@
 
 import functools
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
-from analysis.simulate.lens import Sampler, Table, half_lobe, nodes, sun_table, tables
+from analysis.simulate.lens import (
+    HALF,
+    PARTS,
+    Sampler,
+    Table,
+    half_lobe,
+    in_parts,
+    nodes,
+    ring_table,
+    sun_table,
+    tables,
+)
+from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, wide_nodes
 from analysis.simulate.system import Lens, System, Wall
 
 Floats = NDArray[np.float64]
 
-_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING}
+LEAST_RING: Final = 2048
+MOST_RING: Final = 65_536
+"""Samples at each azimuth of a ring."""
+
+_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING, "bsdf": k.TABLE}
 
 
 def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.Skylight:
-    """A system's arrays; scatter tables are made or read where lenses need them."""
-    above, below, half = _lens_tables(system.entry, samples, sampler)
-    under, _, half2 = _lens_tables(system.exit, samples, sampler)
-    half = max(half, half2)
+    """A system's arrays, with all parts of its scatter tables, which are made or read where lenses need them."""
+    above, below = _lens_tables(system.entry, samples, sampler)
+    under, _ = _lens_tables(system.exit, samples, sampler)
     return k.Skylight(
         geometry=geometry(system),
         facets=facets(system),
@@ -31,13 +46,15 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         above=above,
         below=below,
         under=under,
-        nodes=np.ascontiguousarray(nodes(half)[:, :2]),
-        half=half,
+        nodes=np.ascontiguousarray(nodes(HALF)[:, :2]),
+        wide=np.ascontiguousarray(wide_nodes(WIDE_HALF)[:, :2]),
         exact=False,
         spots=np.zeros((1, 2)),
+        ring=_no_table(),
+        ring_nodes=np.zeros((1, 2)),
+        ring_cosine=2.0,
         lobe=half_lobe(),
-        block=0,
-        blocks=1,
+        powers=np.array([[system.wall.reflectance], [system.boot.reflectance]]) ** np.arange(64.0),
     )
 
 
@@ -53,8 +70,22 @@ def for_sun(
     travel = -np.array([c * towards[0] + s * towards[1], c * towards[1] - s * towards[0], towards[2]])
     normals = ready.facets[:, :3] if ready.geometry[k.COVER] == k.PYRAMID else np.array([[0.0, 0.0, 1.0]])
     spots = np.array([_on_facet(travel, normal) for normal in normals])
+    if system.entry.kind == "bsdf":
+        sampler = file_sampler(system.entry)
     table = sun_table(system.entry, spots, samples, sampler)
-    return ready._replace(above=table, exact=True, spots=np.ascontiguousarray(spots[:, :2]))
+    return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
+
+
+def with_ring(
+    ready: k.Skylight, system: System, cosine: float, samples: int, sampler: Sampler | None = None
+) -> k.Skylight:
+    """The same skylight with a finer table of the exit lens at one angle of incidence, at all azimuths.
+
+    A sun that passes a clear cover and mirror walls meets the exit lens at its own zenith angle, so that its light
+    uses but a few of the general table's rows again and again, and their noise would not average out.
+    """
+    spots, table = ring_table(system.exit, cosine, max(LEAST_RING, min(samples, MOST_RING)), sampler)
+    return ready._replace(ring=table, ring_nodes=np.ascontiguousarray(spots[:, :2]), ring_cosine=cosine)
 
 
 def cover_area_m2(system: System) -> float:
@@ -121,22 +152,25 @@ def _lens(lens: Lens) -> tuple[float, ...]:
         lens.absorption_per_mm * lens.thickness_mm,
         lens.transmittance,
         lens.reflectance,
+        WIDE_HALF if lens.kind == "bsdf" else HALF,
+        lens.kind == "bsdf",
     )
     return tuple(float(value) for value in row)
 
 
 @functools.lru_cache(maxsize=1)
 def _no_table() -> Table:
-    return np.zeros((1, 1, 3), dtype=np.int16)
+    return np.zeros((PARTS, 1, 1, 3), dtype=np.int16)
 
 
-def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table, int]:
+def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table]:
+    """For light from above and for light from below."""
+    if lens.kind == "bsdf":
+        return file_tables(lens, samples)
     if lens.kind != "prismatic":
-        return _no_table(), _no_table(), 1
+        return _no_table(), _no_table()
     made = tables(lens, samples, sampler=sampler)
-    if lens.prisms == "down":
-        return made.flat, made.prisms, made.half
-    return made.prisms, made.flat, made.half
+    return (made.flat, made.prisms) if lens.prisms == "down" else (made.prisms, made.flat)
 
 
 def _on_facet(travel: Floats, normal: Floats) -> Any:

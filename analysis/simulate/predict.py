@@ -10,6 +10,8 @@ from analysis.photometry import Distribution
 from analysis.simulate.daylight import Daylight, sky_source, sun_source
 from analysis.simulate.lens import Sampler
 from analysis.simulate.prediction import Engine, Prediction, SunAndSky
+from analysis.simulate.rays import RaySet
+from analysis.simulate.raysets import on_cover
 from analysis.simulate.room import Room
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
@@ -79,6 +81,22 @@ def predict(
             rays=rays or PILOT, seed=seed, distance_m=distance_m, max_bounces=max_bounces, threads=threads, bounces=1
         )
         made = _traced(system, daylight, settings, 0.0 if rays else precision, gamma_deg, c_deg, sampler)
+    return made if room is None else _in_room(made, room)
+
+
+def predict_rays(system: System, rays: RaySet, settings: Settings, *, room: Room | None = None) -> Prediction:
+    """The photometry of a skylight on which given rays fall, each traced once; all of it stands as the sky part.
+
+    ``settings`` gives distance, seed, bounce limit and threads. Raises `DataError` when no ray meets the cover.
+    """
+    source = on_cover(system, rays.points, rays.directions, rays.flux_lm)
+    tally = trace(system, source, dataclasses.replace(settings, bounces=1))
+    day = Daylight("", 90.0, 0.0, 0.0, lambda v: np.zeros(v.shape[:-1]))
+    far = _parts([None, tally], "far", GAMMA_DEG, C_DEG)
+    near = _parts([None, tally], "near", GAMMA_DEG, C_DEG) if settings.distance_m > 0.0 else None
+    facts: dict[str, Any] = {"seed": settings.seed, "max_bounces": settings.max_bounces, "sun": None}
+    facts |= {"sky": dataclasses.asdict(tally.balance), "rays": len(rays.flux_lm), "rays_lm": float(rays.flux_lm.sum())}
+    made = Prediction(system, day, "tracer", far, near, settings.distance_m, facts)
     return made if room is None else _in_room(made, room)
 
 

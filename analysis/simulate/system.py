@@ -27,19 +27,20 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 @dataclass(frozen=True, config=_STRICT)
 class Lens:
-    """A sheet that light passes: nothing, a clear slab, a prismatic sheet or a perfect diffuser.
+    """A sheet that light passes: nothing, a clear slab, a prismatic sheet, a perfect diffuser, or what a file says.
 
     Attributes
     ----------
     kind
-        ``none``, ``clear`` (thin slab, straight through), ``prismatic`` (square pyramids on one side), ``diffusing``.
+        ``none``, ``clear`` (thin slab, straight through), ``prismatic`` (square pyramids on one side), ``diffusing``,
+        ``bsdf`` (a file).
     refractive_index, thickness_mm, absorption_per_mm
         Of the solid; absorption is the natural-logarithm coefficient [1/mm].
     pitch_mm, slope_deg, blur_deg
         Of the pyramids: width of a base, angle of a facet to the sheet, and the standard deviation of its slope in each
         of two directions (moulding tilts facets at random).
     prisms
-        Which side carries the pyramids.
+        Which side carries the pyramids; of a file, which way its back looks (``down``: its front is outside).
     orientation_deg
         The pattern is turned by this about the sheet's normal, counter-clockwise seen from above; 0 has the edges of
         the pyramids parallel to x and y.
@@ -53,9 +54,13 @@ class Lens:
         Optical depth of dirt on the outside at normal incidence: transmittance exp(-soiling / cos θ).
     transmittance, reflectance
         Of a diffusing sheet only [0..1]; both lobes are cosine lobes.
+    bsdf
+        LBNL BSDF file (Klems matrix or tensor tree); a relative name counts from the folder of the system's file, else
+        from where the program runs. With orientation 0 and the front up, the file's x is east and its y south; with the
+        front down y is north. What the file does not describe is black.
     """
 
-    kind: Literal["none", "clear", "prismatic", "diffusing"] = "prismatic"
+    kind: Literal["none", "clear", "prismatic", "diffusing", "bsdf"] = "prismatic"
     refractive_index: Annotated[float, Field(ge=1.0, le=3.0)] = 1.491
     thickness_mm: Positive = 3.0
     absorption_per_mm: NotNegative = 0.03
@@ -70,9 +75,12 @@ class Lens:
     soiling: NotNegative = 0.0
     transmittance: Share = 0.6
     reflectance: Share = 0.3
+    bsdf: str = ""
 
     @model_validator(mode="after")
-    def _conserves_energy(self) -> Self:
+    def _has_what_it_needs(self) -> Self:
+        if (self.kind == "bsdf") != bool(self.bsdf):
+            raise ValueError("a lens of kind bsdf names its file in bsdf, and no other kind does")
         if self.kind == "diffusing" and self.transmittance + self.reflectance > 1.0:
             raise ValueError("transmittance and reflectance of a diffusing sheet add to more than 1")
         return self
@@ -233,6 +241,12 @@ def load(path: Path) -> System:
         raise ConfigError(f"{path}: {error.strerror}", f"use {', '.join(SYSTEMS)}, or a TOML file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: {error}", "compare with the example in `labdaq simulate --help`") from error
+    for place in ("entry", "exit"):
+        lens = data.get(place)
+        if isinstance(lens, dict) and isinstance(lens.get("bsdf"), str) and lens["bsdf"]:
+            lens["bsdf"] = str(path.parent / lens["bsdf"])
+            lens["kind"] = lens.get("kind", "bsdf")
+            lens["prisms"] = lens.get("prisms", "down")  # whatever the base has: a file's front is outside
     base = named(str(data.pop("base"))) if "base" in data else System()
     return _checked(_merged(_as_dict(base), {"name": path.stem, **data}), str(path))
 

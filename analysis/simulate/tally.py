@@ -84,7 +84,7 @@ class Tally:
     ----------
     sharp, soft : shape (batches, boot bounces, wall bounces, fields, cells, T) [lm]
         Light of specular paths, and light that a diffuse wall sent, by direction cell. Each batch alone estimates the
-        whole; field 0 is far, 1 near (by place on the sphere of ``distance_m``).
+        whole; field 0 is far, 1 near (by place on the sphere of ``distance_m``, or on a plane where it is ``flat``).
     """
 
     sharp: NDArray[Any]
@@ -93,6 +93,7 @@ class Tally:
     distance_m: float
     max_bounces: int | None
     balance: Balance
+    flat: bool = False
 
     @property
     def members(self) -> int:
@@ -161,6 +162,21 @@ class Tally:
         candela = np.maximum(sum(part[0] for part in parts), 0.0)
         variance = np.asarray(sum(part[1] ** 2 for part in parts))
         return Intensity(candela.T.reshape(shape), np.sqrt(variance).T.reshape(shape))
+
+    def illuminance(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Illuminance [lx] on the plane of a run that is ``flat``, with standard uncertainty, each of shape (T, ...).
+
+        ``x_m`` and ``y_m``: places [m] from below the aperture's centre, east and north; they broadcast.
+        Raises `SimulationError` for another run.
+        """
+        if not self.flat or self.distance_m <= 0.0:
+            raise SimulationError("the run counted no plane", "trace with flat=True and a distance")
+        x, y = np.broadcast_arrays(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
+        h = self.distance_m
+        gamma = np.degrees(np.arctan2(np.hypot(x, y), h))
+        seen = self.intensity(gamma, np.mod(np.degrees(np.arctan2(-x, y)), 360.0), "near")
+        factor = np.cos(np.radians(gamma)) ** 3 / h**2
+        return seen.candela * factor, seen.uncertainty * factor
 
     def by_bounce(
         self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far", smoothing: Smoother | None = None

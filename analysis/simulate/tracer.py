@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
-from analysis.simulate.lens import SAMPLES, Sampler
-from analysis.simulate.model import for_sun, skylight
+from analysis.simulate.lens import LEAST, PARTS, SAMPLES, Sampler
+from analysis.simulate.model import for_sun, skylight, with_ring
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from analysis.simulate.tally import Balance, Tally
+from labdaq.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
-BATCHES: Final = 8
+BATCHES: Final = PARTS
 NO_LIMIT: Final = 1 << 40
 ROUND: Final = 4_000_000
 """Rays that single precision sums take before they are added up in double precision."""
@@ -37,6 +38,8 @@ class Settings:
         Same seed, same rays: variants of one system then differ by physics only.
     distance_m
         Of the near field's sensors from the aperture's centre; 0 for the far field alone.
+    flat
+        The sensors lie in a horizontal plane that far below the aperture and look up; see `Tally.illuminance`.
     max_bounces
         Rays are cut after so many reflections at walls; None follows them to the end. (A finished run can be cut
         afterwards with `Tally.collapsed`; cutting now only saves time.)
@@ -51,7 +54,8 @@ class Settings:
         Entries per direction of the lens tables.
     sun_samples
         Entries of the tables made for each sun and facet; 0 uses the general tables for suns too.
-        About an eighth of the rays is enough.
+        About an eighth of the rays is enough. An exit lens behind a clear cover has a ring of such tables, each with
+        an eighth of the entries.
     threads
         Cores to use; 0 means all there are.
     """
@@ -59,6 +63,7 @@ class Settings:
     rays: int = 2_000_000
     seed: int = 1
     distance_m: float = 2.6
+    flat: bool = False
     max_bounces: int | None = None
     split: int = 32
     glow: int = 1
@@ -77,6 +82,8 @@ def trace(system: System, source: Source, settings: Settings | None = None, samp
     of its own, and they are added in order. ``sampler`` replaces the ray tracer of prismatic sheets.
     """
     use = settings or Settings()
+    if not 1 <= use.split <= LEAST // PARTS:
+        raise ConfigError(f"split: {use.split} is not between 1 and {LEAST // PARTS}")
     ready = skylight(system, use.samples, sampler)
     jobs = _jobs(system, ready, source, use, sampler)
     blank = _counts(system, use, 1 if len(jobs) > 1 else source.members)
@@ -103,6 +110,7 @@ def trace(system: System, source: Source, settings: Settings | None = None, samp
         soft=_axes(soft, blank, use.soft_side, sharp=False),
         system=system,
         distance_m=use.distance_m,
+        flat=use.flat,
         max_bounces=use.max_bounces,
         balance=Balance.of(balance, BATCHES),
     )
@@ -116,15 +124,14 @@ def _jobs(
         return [(ready, replace(source, rays=_in_frame(source.rays, ready.geometry)))]
     if source.mode == k.SKY:
         return [(ready, source)]
-    exact = (
-        use.sun_samples > 0
-        and system.entry.kind == "prismatic"
-        and ready.geometry[k.COVER] != k.DOME
-        and not np.any(source.suns[:, 4])
-    )
+    disc = use.sun_samples > 0 and not np.any(source.suns[:, 4])
+    exact = disc and system.entry.kind in ("prismatic", "bsdf") and ready.geometry[k.COVER] != k.DOME
+    ring = disc and system.entry.kind in ("none", "clear") and system.exit.kind == "prismatic"
     jobs = []
     for row, flux in zip(source.suns, np.diag(source.flux), strict=True):
         own = for_sun(ready, system, row[:3], use.sun_samples, sampler) if exact else ready
+        if ring:
+            own = with_ring(own, system, float(row[2]), use.sun_samples // 8, sampler)
         one = replace(
             source, probability=np.ones(1), flux=np.array([[flux]]), span=np.array([[0, 1]]), suns=row[None, :].copy()
         )
@@ -155,15 +162,16 @@ def _counts(system: System, use: Settings, members: int) -> k.Counts:
         diffuse_well=soft_wall,
         diffuse_boot=soft_boot,
         distance=use.distance_m,
+        flat=use.flat,
         split=use.split,
         glow=use.glow,
         limit=NO_LIMIT if use.max_bounces is None else use.max_bounces,
         balance=np.zeros(9),
-        fan_a=np.zeros(use.split),
-        fan_b=np.zeros(use.split),
-        fan_w=np.zeros(use.split),
-        fan_far=np.zeros(use.split, dtype=np.int64),
-        fan_near=np.zeros(use.split, dtype=np.int64),
+        fan_a=np.zeros(use.split, dtype=np.float32),
+        fan_b=np.zeros(use.split, dtype=np.float32),
+        fan_w=np.zeros(use.split, dtype=np.float32),
+        fan_far=np.zeros(use.split, dtype=np.int32),
+        fan_near=np.zeros(use.split, dtype=np.int32),
     )
 
 
@@ -192,13 +200,13 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     total = len(rays) if given else math.ceil(use.rays / BATCHES)
     rounds = max(1, math.ceil(total / ROUND))
     count = math.ceil(total / rounds)
-    ready = ready._replace(block=b, blocks=BATCHES)
+    ready = ready._replace(above=ready.above[b], below=ready.below[b], under=ready.under[b], ring=ready.ring[b])
     steps = np.concatenate([[0.0], np.cumsum(source.probability)])
     sums: tuple[Any, Any] = (None, None)
     for r in range(rounds):
         part = rays[r * count : (r + 1) * count] if given else rays
         number = len(part) if given else count
-        flux = source.flux * BATCHES if given else _per_ray(source, number * rounds)
+        flux = source.flux * BATCHES if given else per_ray(source, number * rounds)
         light = k.Light(source.mode, source.side, steps, flux, source.span, source.suns, np.ascontiguousarray(part))
         seed = np.uint64((use.seed * 1_000_003 + b) * 65_537 + r)
         trace_kernel(ready, counts, light, seed, number)
@@ -210,7 +218,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
     return sums[0], sums[1], counts.balance
 
 
-def _per_ray(source: Source, rays: int) -> Floats:
+def per_ray(source: Source, rays: int) -> Floats:
     """What a ray of each cell carries per projected area, so that every batch alone gives the whole flux."""
     probability = np.where(source.probability > 0.0, source.probability, 1.0)
     flux: Floats = source.flux / (probability * rays)[:, None]

@@ -225,6 +225,8 @@ def _plainest(system: System) -> System:
     """The simplest description of the same physics, so that what is alike is traced once."""
 
     def lens(this: Lens) -> Lens:
+        if this.kind == "bsdf":
+            return this
         if this.kind != "prismatic":
             return dataclasses.replace(this, orientation_deg=0.0, mirrored=False, isotropic=False)
         turn = -this.orientation_deg if this.mirrored else this.orientation_deg  # pyramids have the square's symmetry

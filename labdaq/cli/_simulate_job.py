@@ -39,6 +39,8 @@ class Job:
     threads: int
     parts: bool
     name: str
+    ray_set: Path | None
+    export: Path | None
 
 
 def run(job: Job) -> dict[str, Any]:
@@ -51,25 +53,29 @@ def run(job: Job) -> dict[str, Any]:
         raise ConfigError("--room is what sensors at a distance see", "give --distance")
     if job.engine == "radiance" and (job.max_bounces is not None or job.isotropic):
         raise ConfigError("--max-bounces and --isotropic are settings of the tracer", "leave them out, or --engine")
-    made = predict(
-        _system(job),
-        _daylight(job),
-        engine=job.engine,
-        distance_m=job.distance or 0.0,
-        room=_room(job),
-        precision=job.precision,
-        rays=job.rays or 0,
-        seed=job.seed,
-        max_bounces=job.max_bounces,
-        threads=job.threads,
-    )
+    if job.ray_set is not None:
+        made = _under_rays(job)
+    else:
+        made = predict(
+            system_of(job),
+            daylight_of(job),
+            engine=job.engine,
+            distance_m=job.distance or 0.0,
+            room=_room(job),
+            precision=job.precision,
+            rays=job.rays or 0,
+            seed=job.seed,
+            max_bounces=job.max_bounces,
+            threads=job.threads,
+        )
     field: Field = "far" if job.distance is None else "near"
     issued = utc_text(SystemClock().utc_ns())[:10]
     files = write_prediction(job.out, made, field, issued, parts=job.parts)
     seen, day = made.field(field), made.daylight
     peak = np.unravel_index(np.argmax(seen.total.candela), seen.total.candela.shape)
     sun = {"altitude_deg": day.sun_altitude_deg, "azimuth_deg": day.sun_azimuth_deg} if day.beam_lx > 0.0 else None
-    return {
+    given = {} if job.ray_set is None else {"ray_set": str(job.ray_set)}
+    return given | {
         "files": [str(path) for path in files],
         "system": made.system.name,
         "engine": made.engine,
@@ -88,7 +94,26 @@ def run(job: Job) -> dict[str, Any]:
     }
 
 
-def _system(job: Job) -> Any:
+def _under_rays(job: Job) -> Any:
+    """The prediction for rays of a file; daylight and engine have no say."""
+    from analysis.simulate.predict import predict_rays
+    from analysis.simulate.rays import read_rays
+    from analysis.simulate.tracer import Settings
+
+    assert job.ray_set is not None
+    odd = {"--global": job.global_lx, "--diffuse": job.diffuse_lx, "--sun": job.sun, "--time": job.time}
+    said = [option for option, value in odd.items() if value is not None]
+    said += ["--engine radiance"] if job.engine == "radiance" else []
+    said += ["--parts"] if job.parts else []
+    said += ["--rays"] if job.rays else []
+    if said:
+        raise ConfigError(f"{', '.join(said)}: not with --ray-set, whose rays are all the light, each traced once")
+    settings = Settings(seed=job.seed, distance_m=job.distance or 0.0, max_bounces=job.max_bounces, threads=job.threads)
+    return predict_rays(system_of(job), read_rays(job.ray_set), settings, room=_room(job))
+
+
+def system_of(job: Job) -> Any:
+    """The system that the command line names and changes."""
     from analysis.simulate.system import find
 
     return changes(find(job.system), vars(job))
@@ -110,7 +135,8 @@ def changes(system: Any, options: Mapping[str, Any]) -> Any:
     return changed(system, wishes)
 
 
-def _daylight(job: Job) -> Any:
+def daylight_of(job: Job) -> Any:
+    """The daylight of the command line."""
     from analysis.simulate.daylight import daylight, sky_map
     from analysis.simulate.source import horizontal_illuminance
 

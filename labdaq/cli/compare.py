@@ -43,9 +43,9 @@ class _Files:
 @click.option("--recipe", help="How tables become a case: a TOML file, or the name of a recipe that comes with labdaq.")
 @click.option("--list", "listing", type=_PATH, help="A TOML list of tests with measured and simulated files.")
 @click.option("--measured", type=_PATH, help="Measured .ies, or .csv of a goniometer's readings.")
-@click.option("--simulated", type=_PATH, help="Simulated .ies: sun and sky together.")
-@click.option("--simulated-sun", "sun", type=_PATH, help="Simulated .ies: the sun part.")
-@click.option("--simulated-sky", "sky", type=_PATH, help="Simulated .ies: the sky part.")
+@click.option("--simulated", type=_PATH, help="Simulated .ies, .ldt or candela table: sun and sky together.")
+@click.option("--simulated-sun", "sun", type=_PATH, help="Simulated file: the sun part.")
+@click.option("--simulated-sky", "sky", type=_PATH, help="Simulated file: the sky part.")
 @click.option(
     "--rival",
     "rivals",

@@ -32,6 +32,18 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
     type=click.Path(path_type=Path),
     help="Predict a processed session under its own sky, in the near field; may be repeated.",
 )
+@click.option(
+    "--ray-set",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Light is the rays of a file instead (.txt, .csv, .tm25ray).",
+)
+@click.option(
+    "--export",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Write geometry, BSDFs, a Radiance scene and, under a daylight, the rays on the cover for other programs.",
+)
 @click.option("--sky", default="perez", show_default=True, metavar="NAME|MAP", help=_SKIES)
 @click.option("--global", "global_lx", type=click.FloatRange(min=0), help="Global horizontal illuminance [lx].")
 @click.option("--diffuse", "diffuse_lx", type=click.FloatRange(min=0), help="Diffuse horizontal illuminance [lx].")
@@ -93,12 +105,16 @@ def command(
         well_depth_m = 0.8
         wall.reflectance = 0.92
         exit.orientation_deg = 45
+        entry.bsdf = "lens.xml"     (Klems or tensor tree, beside the file)
 
     The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
     illuminance there is no sun.
 
     With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
     found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
+
+    With --export, solids go to DIR as OBJ and STL, prismatic lenses as BSDF files, and, when --diffuse or a map tells
+    the daylight, --rays (or 100,000) rays of sun and sky as text and TM-25; --ray-set reads such files back.
     """
     if sessions:
         _sessions(context, sessions, as_json, options)
@@ -107,6 +123,13 @@ def command(
 
     if options["system"] is None:
         raise click.UsageError("name a SYSTEM, or give --session")
+    if options["export"] is not None:
+        from labdaq.cli._simulate_export import export
+
+        exported = export(Job(out=out or Path(), **options))
+        click.echo(json.dumps(exported) if as_json else "\n".join([*exported["files"], *exported["not_written"]]))
+        if out is None:
+            return
     if out is None:
         raise click.UsageError("--out FILE.ies is needed; only --session knows where to write")
     if out.suffix.lower() != ".ies":
@@ -166,6 +189,10 @@ def _words(report: dict[str, Any]) -> str:
         f"at gamma {report['peak_gamma_deg']:g}, C {report['peak_c_deg']:g}"
     )
     sun = report["sun"]
+    if "ray_set" in report:
+        lines.append(f"  under the rays of {report['ray_set']}")
+        lines.append(f"  statistical uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
+        return "\n".join(lines)
     where = f"sun at {sun['altitude_deg']:.2f}, {sun['azimuth_deg']:.2f} degrees, " if sun else "no sun, "
     lines.append(f"  under {where}{report['global_lx']:.5g} lx global, {report['diffuse_lx']:.5g} lx diffuse")
     lines.append(f"  statistical uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")

@@ -9,6 +9,7 @@ Numbers = tuple[float, ...]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]
+Cells = NDArray[np.int32]
 Table = NDArray[np.int16]
 
 # columns of the geometry
@@ -20,7 +21,7 @@ NX, NY, NZ, OFFSET, FACET_AREA = range(5)
 # columns of a wall
 RHO, LAMBERT, SPREAD = range(3)
 # columns of a lens
-KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT = range(11)
+KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT, HALF, WIDE = range(13)
 NONE, CLEAR, TABLE, DIFFUSING = 0, 1, 2, 3
 # units of the scatter tables
 DELTA_SCALE: Final = 1.0 / 16000.0
@@ -41,19 +42,25 @@ class Skylight(NamedTuple):
     facets : shape (4, 5)
         Of the pyramid: east, north, west, south.
     above, below, under
-        Scatter tables (rows, samples, 3), int16: the entry from outside and from inside, the exit lens from inside.
-    nodes : shape (rows, 2)
-        Tangential direction cosines of incidence of the tables' rows.
-    half
-        Steps of the tables' grid from middle to edge.
+        Scatter tables (parts, rows, samples, 3), int16: the entry from outside and from inside, the exit lens from
+        inside. The kernels are given one part: each batch reads a part of its own, so that the scatter between batches
+        shows the tables' noise too.
+    nodes, wide : shape (rows, 2)
+        Tangential direction cosines of incidence of the tables' rows: of a pattern with the symmetry of a square, and
+        of any pattern.
     exact
         Whether ``above`` was made for this very sun: one row for each facet, in the facet's own frame.
     spots : shape (facets, 2)
         Then: tangential direction cosines of the sun's light on each facet.
+    ring : shape (parts, rows, samples, 3)
+        The exit lens from inside at one angle of incidence, that of a sun which reaches it by mirrors alone; rows go
+        from azimuth 0 to 45 degrees.
+    ring_nodes, ring_cosine
+        Tangential cosines of its rows, and the cosine of that angle (2: there is none).
     lobe : shape (1, samples, 3)
         The lower half of a cosine lobe in the form of a scatter table.
-    block, blocks
-        This batch reads only its part of every row, so that the scatter between batches shows the tables' noise too.
+    powers : shape (2, 64)
+        Powers 0, 1, 2 ... of the reflectances of well and boot.
     """
 
     geometry: Numbers
@@ -66,12 +73,14 @@ class Skylight(NamedTuple):
     below: Table
     under: Table
     nodes: Floats
-    half: int
+    wide: Floats
     exact: bool
     spots: Floats
+    ring: Table
+    ring_nodes: Floats
+    ring_cosine: float
     lobe: Table
-    block: int
-    blocks: int
+    powers: Floats
 
 
 class Light(NamedTuple):
@@ -104,13 +113,15 @@ class Counts(NamedTuple):
         Whether a bounce there makes light soft.
     distance
         Of the near field's sensors [m]; 0 leaves it out.
+    flat
+        Whether they lie in a plane so far below the aperture, instead of on a sphere around its centre.
     split, glow
         Samples scored for each ray that reaches the last lens, and that a diffuse wall sends on.
     limit
         Most wall reflections.
     balance : shape (9,)
     fan_a, fan_b, fan_w, fan_far, fan_near : shape (split,)
-        Room for the samples of one lens pass.
+        Room for the samples of one lens pass, in single precision: twice as many fit a register.
     """
 
     sharp: Singles
@@ -124,15 +135,16 @@ class Counts(NamedTuple):
     diffuse_well: bool
     diffuse_boot: bool
     distance: float
+    flat: bool
     split: int
     glow: int
     limit: int
     balance: Floats
-    fan_a: Floats
-    fan_b: Floats
-    fan_w: Floats
-    fan_far: Indices
-    fan_near: Indices
+    fan_a: Singles
+    fan_b: Singles
+    fan_w: Singles
+    fan_far: Cells
+    fan_near: Cells
 
 
 class Scene(NamedTuple):

@@ -5,9 +5,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Counts, Indices, Light, Ray, Scene
+from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Cells, Counts, Light, Ray, Scene
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import square_of
+from analysis.simulate.kernels.maps import square_of
 
 # typed, because numba compiles a function again for every literal it is called with
 ZERO: Final[Any] = np.int64(0)
@@ -54,17 +54,17 @@ def add(counts: Counts, light: Light, source: int, gentle: bool, cell: int, valu
 
 @jit
 def add_fan(
-    counts: Counts, light: Light, source: int, gentle: bool, size: int, first: int, cells: Indices, share: float
+    counts: Counts, light: Light, source: int, gentle: bool, size: int, first: int, cells: Cells, share: float
 ) -> None:
     """Add a fan of samples, each with its weight, to each member that the source's cell belongs to."""
     for t in range(light.span[source, 0], light.span[source, 1]):
-        value = share * light.flux[source, t]
+        value = np.float32(share * light.flux[source, t])
         if gentle:
             for k in range(size):
-                counts.soft[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+                counts.soft[(first + cells[k]) * counts.members + t] += value * counts.fan_w[k]
         else:
             for k in range(size):
-                counts.sharp[(first + cells[k]) * counts.members + t] += np.float32(value * counts.fan_w[k])
+                counts.sharp[(first + cells[k]) * counts.members + t] += value * counts.fan_w[k]
 
 
 @jit
@@ -72,7 +72,8 @@ def score(scene: Scene, source: int, boot: int, wall: int, value: float, ray: Ra
     """Count a ray that leaves the aperture after so many bounces on boot and wall; ``value``: m² of the source's light.
 
     A sensor that faces the aperture's centre from distance D sees E = dΦ/dA of its sphere, so candela "as measured"
-    = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field.
+    = E D² = dΦ/dΩ with dΩ the solid angle of the *place*: the near field is counted like the far field. So is a plane:
+    there E = dΦ/dΩ cos³ γ / D².
     """
     if value == 0.0:
         return
@@ -84,7 +85,12 @@ def score(scene: Scene, source: int, boot: int, wall: int, value: float, ray: Ra
     add(counts, light, source, gentle, far + cell_of(dx, dy, -ray.dz, side), value)
     d = counts.distance
     if d > 0.0:
-        p = x * dx + y * dy
-        t = math.sqrt(p * p + d * d - x * x - y * y) - p
-        cell = cell_of((x + t * dx) / d, (y + t * dy) / d, -t * ray.dz / d, side)
+        if counts.flat:
+            t = d / max(-ray.dz, 1e-9)
+        else:
+            p = x * dx + y * dy
+            t = math.sqrt(p * p + d * d - x * x - y * y) - p
+        x, y, z = x + t * dx, y + t * dy, -t * ray.dz
+        r = math.sqrt(x * x + y * y + z * z)
+        cell = cell_of(x / r, y / r, z / r, side)
         add(counts, light, source, gentle, near + cell, value)

@@ -5,20 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, Frame, Load, Ray, Scene, Skylight
+from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, WIDE, Frame, Load, Ray, Scene, Skylight
 from analysis.simulate.kernels.counting import NO, ZERO
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.jit import jit, part
-from analysis.simulate.kernels.optics import (
-    Place,
-    cosine_lobe,
-    dirt,
-    entry_of,
-    lens_finish,
-    lens_hit,
-    lens_place,
-    lens_sample,
-)
+from analysis.simulate.kernels.maps import cosine_lobe
+from analysis.simulate.kernels.optics import Place, dirt, entry_of, lens_finish, lens_hit, lens_place, lens_sample
 
 HAZE_SAMPLES: Final = 4
 
@@ -102,10 +94,10 @@ def enter(
     mirrored = False
     nodes = sky.spots
     if facet < 0:
-        at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
+        at, state = lens_place(lens, lx, ly, cosine, state)
         mirrored = lens[MIRROR] != 0.0
-        nodes = sky.nodes
-    first = entry_of(sky, sky.above, counts.split, pick)
+        nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
+    first = entry_of(sky.above, counts.split, pick)
     p, q = nodes[at.row, 0], nodes[at.row, 1]
     qx, qy, through, w = lens_sample(sky.above, p, q, at, first)
     ox, oy = at.c * qx - at.s * qy, at.s * qx + at.c * qy

@@ -1,6 +1,7 @@
 """The aperture: an exit lens or none, and what a diffuse wall sends straight to it."""
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from analysis.simulate.kernels.arrays import (
     RECTANGLE,
     SHAPE,
     TABLE,
+    WIDE,
     Frame,
     Load,
     Ray,
@@ -22,24 +24,27 @@ from analysis.simulate.kernels.arrays import (
 from analysis.simulate.kernels.counting import ONE, ZERO, score
 from analysis.simulate.kernels.cover import haze_fan
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
-from analysis.simulate.kernels.jit import jit, part
+from analysis.simulate.kernels.jit import jit
+from analysis.simulate.kernels.maps import cosine_lobe, uniform
 from analysis.simulate.kernels.optics import (
     Place,
-    cosine_lobe,
     dirt,
     entry_of,
     from_pattern,
     lens_hit,
     lens_place,
     lens_sample,
-    uniform,
+    ring_place,
 )
+
+RING: Final = 0.005
+"""How far from its cosine of incidence a ring is used; the sun's disc reaches as far at grazing incidence."""
 
 Left = tuple[bool, float, float, float, np.uint64]
 """Whether light passed the exit lens, tangential cosines, weight, and the random state."""
 
 
-@part
+@jit
 def exit_plain(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64) -> Left:
     """Pass an exit lens of any kind by one sample, scored with its weight."""
     sky = scene.sky
@@ -57,16 +62,22 @@ def exit_fan(scene: Scene, load: Load, value: float, ray: Ray, state: np.uint64)
     sky, counts = scene.sky, scene.counts
     lens = sky.exit
     pick, state = uniform(state)
-    at, state = lens_place(lens, sky.half, ray.dx, ray.dy, -ray.dz, state)
-    first = entry_of(sky, sky.under, counts.split, pick)
-    p, q = sky.nodes[at.row, 0], sky.nodes[at.row, 1]
-    qx, qy, through, w = lens_sample(sky.under, p, q, at, first)
+    at, state = lens_place(lens, ray.dx, ray.dy, -ray.dz, state)
+    table = sky.under
+    nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
+    if abs(ray.dz + sky.ring_cosine) < RING:
+        table, nodes = sky.ring, sky.ring_nodes
+        r, state = uniform(state)
+        at = ring_place(at, table.shape[0], r)
+    first = entry_of(table, counts.split, pick)
+    p, q = nodes[at.row, 0], nodes[at.row, 1]
+    qx, qy, through, w = lens_sample(table, p, q, at, first)
     ox, oy = from_pattern(lens, qx, qy, at.c, at.s)
     left = dirt(lens, -ray.dz)
     if through:
         w *= left
     value *= left
-    passed = read_fan(counts, counts.split, sky.under, at, first) / counts.split
+    passed = read_fan(counts, counts.split, table, at, first) / counts.split
     turn_fan(counts, counts.split, at, p, q, lens[MIRROR] != 0.0)
     flat = Frame(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     clear = value * (1.0 - lens[HAZE])

@@ -32,7 +32,7 @@ from analysis.simulate.kernels.arrays import (
     Numbers,
 )
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import cosine_lobe, uniform
+from analysis.simulate.kernels.maps import circle, cosine_lobe, uniform
 
 
 @jit
@@ -41,7 +41,8 @@ def outline_point(geo: Numbers, a: float, b: float) -> tuple[float, float]:
     if geo[SHAPE] == RECTANGLE:
         return (2.0 * a - 1.0) * geo[AX], (2.0 * b - 1.0) * geo[AY]
     r = geo[AX] * math.sqrt(a)
-    return r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b)
+    c, s = circle(b)
+    return r * c, r * s
 
 
 @jit
@@ -85,8 +86,8 @@ def land(
     z = geo[HEIGHT] + geo[RISE] * a
     nz = (z - geo[CAP_CENTRE]) / geo[CAP_RADIUS]
     r = math.sqrt(max(0.0, 1.0 - nz * nz))
-    nx = r * math.cos(2.0 * math.pi * b)
-    ny = r * math.sin(2.0 * math.pi * b)
+    c, s = circle(b)
+    nx, ny = r * c, r * s
     share = max(0.0, -(dx * nx + dy * ny + dz * nz)) * 2.0 * math.pi * geo[CAP_RADIUS] * geo[RISE]
     return nx * geo[CAP_RADIUS], ny * geo[CAP_RADIUS], z, nx, ny, nz, share, 0
 
@@ -232,7 +233,8 @@ def bounce(
             r = spread * math.sqrt(-2.0 * math.log(1.0 - a))
             # two axes across the mirror direction
             h = math.sqrt(dx * dx + dy * dy)
-            p, q = r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b)
+            c, s = circle(b)
+            p, q = r * c, r * s
             if h > 1e-6:
                 tx = dx - p * dy / h - q * dx * dz / h
                 ty = dy + p * dx / h - q * dy * dz / h

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.simulate.kernels.arrays import Floats
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import hemisphere_of, uniform
+from analysis.simulate.kernels.maps import circle, hemisphere_of, uniform
 
 # additive recurrence in six dimensions: powers of the root of x^7 = x + 1 (Roberts 2018, generalised golden ratio)
 _ROOT: Final = 1.1127756842787055
@@ -31,8 +31,10 @@ def from_sky(place: int, side: int, state: np.uint64) -> tuple[float, float, flo
     """Direction of travel (down) of light from somewhere in cell ``place`` of the sky's square."""
     a, state = uniform(state)
     b, state = uniform(state)
-    u = 2.0 * (place // side + a) / side - 1.0
-    v = 2.0 * (place % side + b) / side - 1.0
+    step = 1.0 / side
+    row = int((place + 0.5) * step)
+    u = 2.0 * (row + a) * step - 1.0
+    v = 2.0 * (place - row * side + b) * step - 1.0
     x, y, z = hemisphere_of(u, v)
     return -x, -y, -max(z, 1e-9), state
 
@@ -45,11 +47,13 @@ def from_sun(suns: Floats, k: int, a: float, b: float, spread_a: float, spread_b
     """
     sx, sy, sz = suns[k, 0], suns[k, 1], suns[k, 2]
     r = suns[k, 3] * math.sqrt(a)
-    p, q = r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b)
+    c, s = circle(b)
+    p, q = r * c, r * s
     if suns[k, 4] > 0.0:
         g = suns[k, 4] * math.sqrt(-2.0 * math.log(1.0 - spread_a))
-        p += g * math.cos(2.0 * math.pi * spread_b)
-        q += g * math.sin(2.0 * math.pi * spread_b)
+        c, s = circle(spread_b)
+        p += g * c
+        q += g * s
     h = math.sqrt(sx * sx + sy * sy)
     ax, ay = (-sy / h, sx / h) if h > 1e-9 else (1.0, 0.0)
     bx, by, bz = -sz * ay, sz * ax, sx * ay - sy * ax

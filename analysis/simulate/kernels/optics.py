@@ -1,8 +1,4 @@
-"""Random numbers, maps between square and hemisphere, and what happens to a ray at a lens.
-
-Every ray has its own stream of random numbers, and every event along its path a fresh place in it: two runs with the
-same seed meet the same accidents as long as their paths have the same events, which keeps ratios of variants quiet.
-"""
+"""What happens to a ray at a lens."""
 
 import math
 from typing import Any, Final, NamedTuple
@@ -14,6 +10,7 @@ from analysis.simulate.kernels.arrays import (
     COS,
     DELTA_SCALE,
     DEPTH,
+    HALF,
     HAZE,
     INDEX,
     ISOTROPIC,
@@ -26,22 +23,15 @@ from analysis.simulate.kernels.arrays import (
     TABLE,
     TRANSMIT,
     WEIGHT_SCALE,
+    WIDE,
     Numbers,
     Skylight,
     Table,
 )
 from analysis.simulate.kernels.jit import jit
+from analysis.simulate.kernels.maps import arctan_unit, circle, cosine_lobe, square_of, uniform
 
-_GAMMA: Final = np.uint64(0x9E3779B97F4A7C15)
-_MIX1: Final = np.uint64(0xBF58476D1CE4E5B9)
-_MIX2: Final = np.uint64(0x94D049BB133111EB)
-_EVENT: Final = np.uint64(0xD1342543DE82EF95)
-_S30: Final = np.uint64(30)
-_S27: Final = np.uint64(27)
-_S31: Final = np.uint64(31)
-_S11: Final = np.uint64(11)
 _ONE: Final[Any] = np.int64(1)
-_UNIT: Final = 1.0 / 9007199254740992.0
 
 Passed = tuple[float, float, bool, float, np.uint64]
 """Outgoing tangential cosines, whether the light passes, its weight, and the random state."""
@@ -70,70 +60,6 @@ class Place(NamedTuple):
     sy: float
     c: float
     s: float
-
-
-@jit
-def mix(z: np.uint64) -> np.uint64:
-    """Scramble 64 bits (splitmix64; Steele, Lea & Flood 2014, doi:10.1145/2660193.2660195)."""
-    z = (z ^ (z >> _S30)) * _MIX1
-    z = (z ^ (z >> _S27)) * _MIX2
-    return z ^ (z >> _S31)
-
-
-@jit
-def stream(key: np.uint64, event: int) -> np.uint64:
-    """Start of the random numbers of one event of the ray with this key."""
-    return mix(key + np.uint64(event) * _EVENT)
-
-
-@jit
-def uniform(state: np.uint64) -> tuple[float, np.uint64]:
-    """The next number in [0, 1) and the state after it."""
-    state = state + _GAMMA
-    return float(mix(state) >> _S11) * _UNIT, state
-
-
-@jit
-def arctan_unit(x: float) -> float:
-    """Arc tangent for -1 <= x <= 1; odd polynomial fitted on Chebyshev nodes, error below 2e-6."""
-    s = x * x
-    q = s * s
-    low = 0.999977219 - 0.332622827 * s
-    middle = 0.193540371 - 0.11642647 * s
-    high = 0.0526473392 - 0.0117191312 * s
-    return x * (low + q * (middle + q * high))
-
-
-@jit
-def square_of(x: float, y: float, z: float) -> tuple[float, float]:
-    """Place (u, v) in [-1, 1]² of a direction of the hemisphere z >= 0; equal solid angles on equal areas.
-
-    Shirley & Chiu 1997, doi:10.1080/10867651.1997.10487479, with the disc's radius squared = 1 - z.
-    """
-    rho = math.sqrt(max(0.0, 1.0 - z))
-    ax, ay = abs(x), abs(y)
-    first = ax >= ay
-    big = ax if first else ay
-    small = ay if first else ax
-    part = rho * (4.0 / math.pi) * arctan_unit(small / max(big, 1e-300))
-    return math.copysign(rho if first else part, x), math.copysign(part if first else rho, y)
-
-
-@jit
-def hemisphere_of(u: float, v: float) -> tuple[float, float, float]:
-    """Direction (x, y, z >= 0) at a place of the square [-1, 1]²; the inverse of `square_of`."""
-    if abs(u) >= abs(v):
-        rho = abs(u)
-        phi = 0.25 * math.pi * v / rho if rho > 0.0 else 0.0
-        c, s = math.cos(phi), math.sin(phi)
-        c = math.copysign(c, u)
-    else:
-        rho = abs(v)
-        phi = 0.25 * math.pi * u / rho
-        s, c = math.cos(phi), math.sin(phi)
-        s = math.copysign(s, v)
-    sine = rho * math.sqrt(max(0.0, 2.0 - rho * rho))
-    return c * sine, s * sine, 1.0 - rho * rho
 
 
 @jit
@@ -173,6 +99,15 @@ def lens_node(lx: float, ly: float, cosine: float, half: int, r1: float, r2: flo
 
 
 @jit
+def wide_node(lx: float, ly: float, cosine: float, half: int, r1: float, r2: float) -> int:
+    """Table row as `lens_node` finds it, for a pattern without symmetry: the grid covers the whole square."""
+    u, v = square_of(lx, ly, cosine)
+    i = min(int((u + 1.0) * half + r1), 2 * half)
+    j = min(int((v + 1.0) * half + r2), 2 * half)
+    return i * (2 * half + 1) + j
+
+
+@jit
 def lens_sample(table: Table, p: float, q: float, at: Place, k: int) -> tuple[float, float, bool, float]:
     """Outgoing tangential cosines in the pattern's frame, whether the light passes, and its weight, from entry ``k``.
 
@@ -199,15 +134,6 @@ def lens_sample(table: Table, p: float, q: float, at: Place, k: int) -> tuple[fl
 
 
 @jit
-def cosine_lobe(state: np.uint64) -> tuple[float, float, np.uint64]:
-    """Tangential cosines of a Lambertian direction: uniform on the unit disc (Nusselt)."""
-    a, state = uniform(state)
-    b, state = uniform(state)
-    r = math.sqrt(a) * 0.999995
-    return r * math.cos(2.0 * math.pi * b), r * math.sin(2.0 * math.pi * b), state
-
-
-@jit
 def to_pattern(lens: Numbers, x: float, y: float, c: float, s: float) -> tuple[float, float]:
     """Tangential cosines in the frame of the lens pattern, turned by (c, s)."""
     if lens[MIRROR] != 0.0:
@@ -231,8 +157,7 @@ def lens_turn(lens: Numbers, state: np.uint64) -> tuple[float, float, np.uint64]
     s = lens[SIN]
     if lens[ISOTROPIC] != 0.0:
         a, state = uniform(state)
-        c = math.cos(2.0 * math.pi * a)
-        s = math.sin(2.0 * math.pi * a)
+        c, s = circle(a)
     return c, s, state
 
 
@@ -276,24 +201,33 @@ def lens_finish(
 
 
 @jit
-def lens_place(
-    lens: Numbers, half: int, lx: float, ly: float, cosine: float, state: np.uint64
-) -> tuple[Place, np.uint64]:
+def lens_place(lens: Numbers, lx: float, ly: float, cosine: float, state: np.uint64) -> tuple[Place, np.uint64]:
     """Where a table is read for light of these direction cosines."""
     c, s, state = lens_turn(lens, state)
     px, py = to_pattern(lens, lx, ly, c, s)
     r1, state = uniform(state)
     r2, state = uniform(state)
-    row, swap, sx, sy = lens_node(px, py, cosine, half, r1, r2)
+    if lens[WIDE] != 0.0:
+        row = wide_node(px, py, cosine, int(lens[HALF]), r1, r2)
+        return Place(px, py, row, False, 1.0, 1.0, c, s), state
+    row, swap, sx, sy = lens_node(px, py, cosine, int(lens[HALF]), r1, r2)
     return Place(px, py, row, swap, sx, sy, c, s), state
 
 
 @jit
-def entry_of(sky: Skylight, table: Table, count: int, pick: float) -> int:
-    """First of ``count`` consecutive entries in this batch's part of a row, chosen by a number in [0, 1)."""
-    size = table.shape[1] // sky.blocks
-    first: int = sky.block * size + int(pick * (size - count + 1))
-    return first
+def ring_place(at: Place, rows: int, r: float) -> Place:
+    """The same place in a table of one angle of incidence: one of the two rows beside its azimuth, at random."""
+    ax, ay = abs(at.x), abs(at.y)
+    swap = ay > ax
+    share = (4.0 / math.pi) * arctan_unit(min(ax, ay) / max(ax, ay, 1e-300))
+    row = min(int(share * (rows - 1) + r), rows - 1)
+    return Place(at.x, at.y, row, swap, math.copysign(1.0, at.x), math.copysign(1.0, at.y), at.c, at.s)
+
+
+@jit
+def entry_of(table: Table, count: int, pick: float) -> int:
+    """First of ``count`` consecutive entries of a row, chosen by a number in [0, 1)."""
+    return int(pick * (table.shape[1] - count + 1))
 
 
 @jit
@@ -317,9 +251,10 @@ def lens_hit(
     if lens[KIND] != TABLE:
         ox, oy, through, w, state = lens_plain(lens, lx, ly, cosine, state)
     else:
-        at, state = lens_place(lens, sky.half, lx, ly, cosine, state)
-        k = entry_of(sky, table, _ONE, pick)
-        qx, qy, through, w = lens_sample(table, sky.nodes[at.row, 0], sky.nodes[at.row, 1], at, k)
+        at, state = lens_place(lens, lx, ly, cosine, state)
+        k = entry_of(table, _ONE, pick)
+        nodes = sky.wide if lens[WIDE] != 0.0 else sky.nodes
+        qx, qy, through, w = lens_sample(table, nodes[at.row, 0], nodes[at.row, 1], at, k)
         ox, oy = from_pattern(lens, qx, qy, at.c, at.s)
     ox, oy, w, state = lens_finish(lens, from_above, cosine, ox, oy, through, w, state)
     return ox, oy, through, w, state

@@ -34,11 +34,11 @@ from analysis.simulate.kernels.exits import exit_fan, exit_plain
 from analysis.simulate.kernels.geometry import land, under_cover
 from analysis.simulate.kernels.jit import borrowed, jit, kernel
 from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, A6, even, from_sky, from_sun
-from analysis.simulate.kernels.optics import mix, stream, uniform
+from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.wells import LOW, cross, roulette
 
 MAX_EVENTS: Final = 200_000
-_RAY_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
+RAY_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 
 
 @jit
@@ -142,13 +142,15 @@ def uncounted(sky: Skylight, counts: Counts, light: Light) -> Scene:
     return Scene(
         Skylight(
             sky.geometry, borrowed(sky.facets), sky.well, sky.boot, sky.entry, sky.exit, borrowed(sky.above),
-            borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), sky.half, sky.exact, borrowed(sky.spots),
-            borrowed(sky.lobe), sky.block, sky.blocks,
+            borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), borrowed(sky.wide), sky.exact,
+            borrowed(sky.spots), borrowed(sky.ring), borrowed(sky.ring_nodes), sky.ring_cosine, borrowed(sky.lobe),
+            borrowed(sky.powers),
         ),
         Counts(
             borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes,
             counts.sharp_classes, counts.bounces, counts.members, counts.diffuse_well, counts.diffuse_boot,
-            counts.distance, counts.split, counts.glow, counts.limit, borrowed(counts.balance), borrowed(counts.fan_a),
+            counts.distance, counts.flat,
+            counts.split, counts.glow, counts.limit, borrowed(counts.balance), borrowed(counts.fan_a),
             borrowed(counts.fan_b), borrowed(counts.fan_w), borrowed(counts.fan_far), borrowed(counts.fan_near),
         ),
         Light(
@@ -178,7 +180,7 @@ def trace(sky: Skylight, counts: Counts, light: Light, seed: np.uint64, count: i
     s6, state = uniform(state)
     source = ZERO
     for i in range(count):
-        key = mix(base + np.uint64(i) * _RAY_STEP)
+        key = mix(base + np.uint64(i) * RAY_STEP)
         state = stream(key, ONE)
         pick = even(s6, i, A6)
         if light.mode == GIVEN:

@@ -26,7 +26,7 @@ from analysis.simulate.kernels.arrays import (
 from analysis.simulate.kernels.exits import glow
 from analysis.simulate.kernels.geometry import bounce, mirror_box, mirror_cylinder, next_wall
 from analysis.simulate.kernels.jit import jit
-from analysis.simulate.kernels.optics import uniform
+from analysis.simulate.kernels.maps import uniform
 
 LOW: Final = 0.05
 RAISED: Final = 0.1
@@ -118,7 +118,7 @@ def cross(scene: Scene, zone: int, ray: Ray, load: Load, state: np.uint64) -> tu
         balance[CUT] += w * keep * unit
         return ray, Load(load.source, load.area, unit, 0.0, m, n, seen), state
     if count > 0:
-        v = wall[RHO] ** count
+        v = sky.powers[zone - 1, count] if count < sky.powers.shape[1] else wall[RHO] ** count
         balance[WALL] += w * (1.0 - v) * unit
         w *= v
         seen = False

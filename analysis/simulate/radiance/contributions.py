@@ -95,4 +95,4 @@ def _sky_data(sky: Luminance) -> str:
 
 
 def _prismatic(system: System, place: str) -> bool:
-    return bool(getattr(system, place).kind == "prismatic")
+    return bool(getattr(system, place).kind in ("prismatic", "bsdf"))

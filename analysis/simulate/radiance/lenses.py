@@ -1,7 +1,9 @@
 """BSDF files of prismatic lenses for Radiance: tensor trees, traced once and kept."""
 
+import hashlib
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +17,30 @@ _OPTICAL = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm",
 
 
 def bsdf_file(lens: Lens, folder: Path, depth: int = DEPTH) -> Path:
-    """A BSDF file of a lens in ``folder`` (made by ray tracing, or copied from the cache); front is the flat side."""
-    recipe = {name: getattr(lens, name) for name in _OPTICAL} | {"depth": depth, "code": code_digest("analysis/bsdf")}
+    """A BSDF file of a lens in ``folder``: made by ray tracing, from the cache, or a copy of the file it names.
+
+    Its front is the flat side.
+    """
+    if lens.kind == "bsdf":
+        source = Path(lens.bsdf)
+        here = folder / f"{hashlib.sha256(source.read_bytes()).hexdigest()[:24]}.xml"
+        shutil.copyfile(source, here)
+        return here
+    return _kept(lens, folder, {"depth": depth})
+
+
+def klems_file(lens: Lens, folder: Path) -> Path:
+    """The same in the full Klems basis."""
+    return _kept(lens, folder, {"basis": "klems"})
+
+
+def _kept(lens: Lens, folder: Path, form: dict[str, Any]) -> Path:
+    recipe = {name: getattr(lens, name) for name in _OPTICAL} | form | {"code": code_digest("analysis/bsdf")}
     name = f"{content_key(recipe)}.xml"
     kept = cache_folder("bsdf") / name
     here = folder / name
     if not kept.is_file():
-        made = _traced(lens, folder / f"new-{name}", depth)
+        made = _traced(lens, folder / f"new-{name}", form)
         try:
             kept.parent.mkdir(parents=True, exist_ok=True)
             part = kept.with_suffix(".part")
@@ -34,8 +53,9 @@ def bsdf_file(lens: Lens, folder: Path, depth: int = DEPTH) -> Path:
     return here
 
 
-def _traced(lens: Lens, path: Path, depth: int) -> Path:
+def _traced(lens: Lens, path: Path, form: dict[str, Any]) -> Path:
     from analysis.bsdf.prism import PrismSheet, prism_tracer
+    from analysis.bsdf.tally import klems_of
     from analysis.bsdf.tree_tally import tensor_tree_of
     from analysis.bsdf.xml_write import write_bsdf
 
@@ -47,5 +67,9 @@ def _traced(lens: Lens, path: Path, depth: int) -> Path:
         slope_error_deg=lens.blur_deg,
         absorption_per_mm=lens.absorption_per_mm,
     )
-    write_bsdf(path, tensor_tree_of(prism_tracer(sheet), np.random.default_rng(11), depth=depth, rays=16_000))
+    trace, rng = prism_tracer(sheet), np.random.default_rng(11)
+    if "depth" in form:
+        write_bsdf(path, tensor_tree_of(trace, rng, depth=form["depth"], rays=16_000))
+    else:
+        write_bsdf(path, klems_of(trace, rng, rays=40_000))
     return path

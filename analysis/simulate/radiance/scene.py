@@ -37,7 +37,6 @@ def scene_text(
     that of the table ``sky.dat`` over the ``alt`` and ``azi`` of ``sky.cal``).
     Raises `SimulationError` for what the engine cannot do.
     """
-    check(system)
     lines = []
     kind = "light {} 0 0 3 1 1 1" if sees_sun_directly(system) else "glow {} 0 0 4 1 1 1 0"
     for k, (x, y, z) in enumerate(suns):  # before the sky: of distant sources in line a ray meets the first
@@ -47,11 +46,19 @@ def scene_text(
         lines.append("void brightdata skydata 5 noop sky.dat sky.cal alt azi 0 0")
     lines.append(f"{'skydata' if sky_data else 'void'} glow skyglow 0 0 4 1 1 1 0")
     lines.append("skyglow source sky 0 0 4 0 0 1 180")
-    lines += _well(system)
-    lines += _roof(system)
-    lines += _cover(system, lens_files.get("entry"))
-    lines += _exit(system, lens_files.get("exit"))
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + surfaces_text(system, lens_files)
+
+
+def surfaces_text(system: System, lens_files: dict[str, Path]) -> str:
+    """The skylight and a black roof around it, without any light source; see `scene_text`."""
+    check(system)
+    parts = (
+        _well(system),
+        _roof(system),
+        _cover(system, lens_files.get("entry")),
+        _exit(system, lens_files.get("exit")),
+    )
+    return "\n".join(line for part in parts for line in part) + "\n"
 
 
 def check(system: System) -> None:
@@ -61,11 +68,13 @@ def check(system: System) -> None:
         for name in ("haze", "soiling", "isotropic"):
             if lens.kind != "none" and getattr(lens, name):
                 problems.add(f"{place}.{name}", "has no counterpart")
+        if lens.kind == "bsdf" and lens.mirrored:
+            problems.add(f"{place}.mirrored", "a file cannot be mirrored")
     walls = [("wall", system.wall)] + ([("boot", system.boot)] if system.boot_height_m > 0.0 else [])
     for place, wall in walls:
         if wall.scatter_deg > 0.0 and wall.lambertian < 1.0:
             problems.add(f"{place}.scatter_deg", "a spread mirror direction has no counterpart")
-    if system.aperture.shape == "disc" and system.entry.kind == "prismatic":
+    if system.aperture.shape == "disc" and system.entry.kind in ("prismatic", "bsdf") and system.rise_m > 0:
         problems.add("entry.kind", "a prismatic dome has no counterpart")
     problems.raise_if_any(SimulationError, "use --engine tracer")
 
@@ -76,7 +85,7 @@ def sees_sun_directly(system: System) -> bool:
     Through a clear cover the sun's image goes down the mirror well by reflections that only a sampled ray follows; then
     the sun must be something that a ray may run into (a ``glow``).
     """
-    return system.entry.kind in ("prismatic", "diffusing")
+    return system.entry.kind in ("prismatic", "diffusing", "bsdf")
 
 
 def _wall_material(name: str, wall: Wall) -> str:
@@ -123,13 +132,14 @@ def _cover(system: System, bsdf: Path | None) -> Iterator[str]:
         return
     top = system.well_depth_m
     if system.aperture.shape == "disc":
-        yield lens_material("entry", lens, None, (0.0, 1.0, 0.0))
-        yield from _dome(system) if system.rise_m > 0.0 else [_disc("entry", system, top, down=True)]
+        yield lens_material("entry", lens, bsdf, _up(system, lens, (0.0, 0.0, 1.0)))
+        # a BSDF's z axis, the normal, runs from the flat side to the prisms
+        down = lens.prisms == "down"
+        yield from _dome(system) if system.rise_m > 0.0 else [_disc("entry", system, top, down=down)]
         return
     corners = _corners(system)
     if system.rise_m == 0.0:
         yield lens_material("entry", lens, bsdf, _up(system, lens, (0.0, 0.0, 1.0)))
-        # a BSDF's z axis, the polygon's normal, runs from the flat side to the prisms
         flat = [(*_turned(system, x, y), top) for x, y in corners]
         yield polygon("entry", "cover", flat[::-1] if lens.prisms == "down" else flat)
         return
@@ -165,7 +175,7 @@ def lens_material(name: str, lens: Lens, bsdf: Path | None, up: tuple[float, flo
         t, r = lens.transmittance, lens.reflectance
         return f"void BRTDfunc {name} 10 0 0 0 0 0 0 0 0 0 . 0 9 {r} {r} {r} {r} {r} {r} {t} {t} {t}"
     if bsdf is None:
-        raise SimulationError(f"{name}: a prismatic lens needs a BSDF file")
+        raise SimulationError(f"{name}: the lens needs a BSDF file")
     return f"void BSDF {name} 6 0 {bsdf.name} {up[0]:.9f} {up[1]:.9f} {up[2]:.9f} . 0 0"
 
 
@@ -223,6 +233,8 @@ def _up(system: System, lens: Lens, normal: tuple[float, float, float]) -> tuple
     east /= np.linalg.norm(east)
     turn = math.radians(-lens.orientation_deg if lens.mirrored else lens.orientation_deg)
     up = math.cos(turn) * np.cross(n, east) - math.sin(turn) * east
+    if lens.kind == "bsdf" and lens.prisms == "down":  # the front is up: y looks south
+        up = -up
     all_ = math.radians(system.rotation_deg)
     c, s = math.cos(all_), math.sin(all_)
     return c * up[0] - s * up[1], s * up[0] + c * up[1], up[2]

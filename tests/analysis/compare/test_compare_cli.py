@@ -120,7 +120,7 @@ WRONG = {
     "half a prediction": (("--measured", "m.ies", "--simulated-sun", "sun.ies", "--out", "x"), 78, "give sun and sky"),
     "no prediction": (("--measured", "m.ies", "--out", "x"), 78, "give sun and sky, or total"),
     "no such file": (("--measured", "n.ies", "--simulated", "sky.ies", "--out", "x"), 65, "n.ies"),
-    "not an .ies": (("--measured", "m.ies", "--simulated", "t.csv", "--out", "x"), 65, "TILT="),
+    "not a distribution": (("--measured", "m.ies", "--simulated", "t.csv", "--out", "x"), 65, "t.csv"),
     "no such case": (("nothing", "--report", "x"), 65, "nothing/case.toml: there is no such file"),
     "no such list": (("--list", "n.toml", "--out", "x"), 78, "n.toml: cannot be read"),
     "no such recipe": (("--table", "t.csv", "--recipe", "soup", "--out", "x"), 78, "recipes are greenwood-roof-meters"),

@@ -192,3 +192,34 @@ def test_keywords_that_are_no_test_data_are_told(tmp_path: Path) -> None:
     write_ies(folder / "measured" / "T18.ies", on_arm(_both), _SUNALT="high")
     with pytest.raises(DataError, match=r"T18\.ies: test data in the keywords: keyword \[_SUNALT\]"):
         case_from_files(parse(LIST, Listing, "list.toml"), folder)
+
+
+@pytest.mark.parametrize("kind", ["grid.txt", "list.csv", "other.ldt"])
+def test_simulations_of_other_programs_are_read_like_ies(tmp_path: Path, kind: str) -> None:
+    """The same distribution as LM-63, as a table and as EULUMDAT gives the same predictions."""
+    from analysis.photometry.eulumdat_write import write_eulumdat
+
+    folder = _files(tmp_path / "in")
+    part = distribution(sky_part)
+    if kind == "other.ldt":
+        write_eulumdat(folder / kind, part)
+    elif kind == "grid.txt":
+        rows = [
+            ["gamma", *part.c_deg],
+            *([g, *column] for g, column in zip(part.gamma_deg, part.candela.T, strict=True)),
+        ]
+        (folder / kind).write_text("\n".join(" ".join(str(value) for value in row) for row in rows))
+    else:
+        lines = [f"{g},{c},{v}" for c, row in zip(part.c_deg, part.candela, strict=True)
+                 for g, v in zip(part.gamma_deg, row, strict=True)]  # fmt: skip
+        (folder / kind).write_text("\n".join(["gamma_deg,c_deg,candela", *lines]))
+    text = (folder / "list.toml").read_text()
+    (folder / "other.toml").write_text(text.replace('"sky.ies"', f'"{kind}"'))
+    cases = [
+        case_from_files(read_listing(folder / name), folder).write(tmp_path / name)
+        for name in ("list.toml", "other.toml")
+    ]
+    one, two = (case.records.simulated for case in cases)
+    tolerance = 2e-3 if kind == "other.ldt" else 1e-9  # EULUMDAT holds cd per klm with a few digits
+    np.testing.assert_allclose(two, one, rtol=tolerance, atol=tolerance * np.nanmax(one))
+    assert (cases[1].folder / "simulated" / "T19-total.ies").is_file()
