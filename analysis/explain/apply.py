@@ -37,6 +37,10 @@ class Model:
     entries: tuple[dict[str, Any], ...] = ()
     shared: SharedError = field(default_factory=lambda: SharedError({}, {}))
 
+    def without_shared_error(self) -> "Model":
+        """The mechanisms alone."""
+        return Model(self.entries)
+
 
 def read_model(folder: Path) -> Model:
     """The fitted mechanisms of ``folder/explanation.json``; raises `DataError` if it is not an explanation.

@@ -15,7 +15,7 @@ from analysis.explain.noise import Hyper
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
-NAME_FIRST = 8.0
+NAME_FIRST = 12.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_RANDOM = 25.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""

@@ -204,14 +204,16 @@ def test_the_plots_are_svg(explained: tuple[Path, Path]) -> None:
 
 def test_predict_writes_a_csv_and_fits_nothing(labdaq: Run, explained: tuple[Path, Path], tmp_path: Path) -> None:
     make_case(tmp_path / "other", tests=WITHHELD, measured=False)
-    code, _, err = labdaq("predict", explained[1], tmp_path / "other", "--out", tmp_path / "p.csv")
-    assert (code, err) == (0, "")
-    rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
-    assert len(rows) == 2 * 160
     found = json.loads((explained[1] / "explanation.json").read_text())["model"][0]["theta"][0]
-    for row in rows:
-        assert row["measured"] == ""
-        assert float(row["corrected"]) == pytest.approx(float(row["simulated"]) + found, rel=1e-6)
+    for option, near in (("--mechanisms-only", 1e-6), ("--out", 0.12)):  # with the shared error by default
+        words = [option] if option != "--out" else []
+        code, _, err = labdaq("predict", explained[1], tmp_path / "other", "--out", tmp_path / "p.csv", *words)
+        assert (code, err) == (0, "")
+        rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
+        assert len(rows) == 2 * 160
+        for row in rows:
+            assert row["measured"] == ""
+            assert float(row["corrected"]) == pytest.approx(float(row["simulated"]) + found, rel=near)
 
 
 # what cannot be explained

@@ -67,8 +67,7 @@ def test_predictions_elsewhere_gain_by_it(tmp_path: Path) -> None:
     withheld = make_case(tmp_path / "withheld", tests=WITHHELD[:1], measured=False)
     exact = truth(rows_of(WITHHELD[:1]))
     (with_it,) = _columns(apply_model(model, withheld), "corrected")
-    alone = type(model)(model.entries)
-    (without,) = _columns(apply_model(alone, withheld), "corrected")
+    (without,) = _columns(apply_model(model.without_shared_error(), withheld), "corrected")
     assert np.std(np.log(with_it / exact)) < 0.7 * np.std(np.log(without / exact))
 
 
