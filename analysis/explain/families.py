@@ -6,9 +6,11 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 
 import numpy as np
 
+from analysis.cases.model import Floats
 from analysis.explain import wander as w
 from analysis.explain.mechanisms.base import Mechanism
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.scene import Scene
 from analysis.explain.sluggish import Sluggish
 
@@ -26,6 +28,9 @@ UNREST = w.Wander(
     BY_ID["clock-offset"],
 )
 """Two clocks that differ under broken cloud: what it did in the meantime is not known (amplitude: root of min)."""
+
+_UNTOUCHED = 0.2
+"""A scatter whose median is below this share of its standard deviation (a Gaussian: 0.67) is that of few readings."""
 
 _SIZES = (0.03, 0.10, 0.30)
 
@@ -81,3 +86,14 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
 def laws_of(scene: Scene) -> tuple[Mechanism, ...]:
     """Laws that have no name in the catalogue and yet a formula: rivals that keep a name from being forced."""
     return tuple(law for law in (Sluggish(),) if not law.why_not(scene))
+
+
+def evenly_restless(scene: Scene, residual: Floats, root_min: float) -> bool:
+    """Whether a residual (N,) is as large as an offset of ``root_min``² minutes makes it wherever daylight is restless.
+
+    A few shadows or spikes are as large in all as such a scatter, but leave most restless readings untouched.
+    """
+    expected = root_min * unrest(scene)
+    noise = scene.readings.noise / scene.readings.scale
+    rows = expected > 2.0 * noise
+    return bool(np.count_nonzero(rows) >= 5 and np.median(np.abs(residual[rows]) / expected[rows]) > _UNTOUCHED)
