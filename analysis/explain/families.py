@@ -7,10 +7,12 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 import numpy as np
 from scipy.special import gammaln
 
+from analysis.cases.model import Floats
 from analysis.explain import wander as w
 from analysis.explain.fit import Fit
 from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.noise import Whitener
 from analysis.explain.scene import Scene
 
@@ -28,6 +30,9 @@ UNREST = w.Wander(
     BY_ID["clock-offset"],
 )
 """Two clocks that differ under broken cloud: what it did in the meantime is not known (amplitude: root of min)."""
+
+_UNTOUCHED = 0.2
+"""A scatter whose median is below this share of its standard deviation (a Gaussian: 0.67) is that of few readings."""
 
 _SIZES = (0.03, 0.10, 0.30)
 _ODD = 4.5
@@ -107,3 +112,14 @@ def odd_readings(scene: Scene, fit: Fit, whitener: Whitener) -> tuple[w.Wander, 
     columns = np.eye(count)[:, odd]
     ways = _USUAL_ODD + float(gammaln(count + 1) - gammaln(len(odd) + 1) - gammaln(count - len(odd) + 1))
     return w.Wander("odd readings", f"{len(odd)} readings that stand alone", lambda *_: columns, _SIZES, (1.0,)), ways
+
+
+def evenly_restless(scene: Scene, residual: Floats, root_min: float) -> bool:
+    """Whether a residual (N,) is as large as an offset of ``root_min``² minutes makes it wherever daylight is restless.
+
+    A few shadows or spikes are as large in all as such a scatter, but leave most restless readings untouched.
+    """
+    expected = root_min * unrest(scene)
+    noise = scene.readings.noise / scene.readings.scale
+    rows = expected > 2.0 * noise
+    return bool(np.count_nonzero(rows) >= 5 and np.median(np.abs(residual[rows]) / expected[rows]) > _UNTOUCHED)

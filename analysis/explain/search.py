@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.families import UNREST
+from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
@@ -96,14 +96,16 @@ class Search:
         self.fitter.weigh([f for ways in fits.values() for f in ways])
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.kinds == ("roof",):
-            found += [self._restless(h) for h in found if h.ids == (UNREST.name,)]
+            found += [h for h in map(self._restless, found[:]) if h is not None]
         return sorted(found, key=lambda h: -h.evidence)
 
-    def _restless(self, clock: Hypothesis) -> Hypothesis:
+    def _restless(self, clock: Hypothesis) -> Hypothesis | None:
         """A clock's offset with what broken cloud did in the meantime; it stands beside the offset alone.
 
         The scatter that an offset leaves under cloud says how long it was: the offset's prior follows its size.
         """
+        if clock.ids != (UNREST.name,):
+            return None
         made = []
         for root_min in UNREST.amplitudes:
             extra = (UNREST.extra(self.scene, root_min, 1.0),)
@@ -116,6 +118,8 @@ class Search:
                     made.append(Hypothesis(fit, fit.log_evidence, ((UNREST, root_min, 1.0),)))
         logs = np.array([h.evidence for h in made])
         best = max(made, key=lambda h: h.evidence)
+        if not evenly_restless(self.scene, best.fit.residual, best.wanders[0][1]):
+            return None
         off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
         shares = np.exp(logs - np.logaddexp.reduce(logs))
         sizes = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so

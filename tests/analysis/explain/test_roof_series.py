@@ -1,5 +1,6 @@
 """Series of a roof meter under broken cloud, and what keeps their explanation honest."""
 
+import dataclasses
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from analysis.cases import Case, write_case
 from analysis.cases.model import CaseFile, Records
 from analysis.explain.answer import answer
+from analysis.explain.families import evenly_restless
 from analysis.explain.mechanisms.timing import _moved, unrest
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
@@ -170,3 +172,16 @@ def test_no_beam_no_sunward_flow_to_speak_of(tmp_path: Path) -> None:
     flux = SkyFlux.of(readings)
     assert flux.sunward.min() > -0.05 and flux.sunward.max() < 1.0
     assert sun_at(readings.case, readings.utc_ns)[0].min() > 5.0  # the case has no night
+
+
+def test_a_few_shadows_are_no_clock(tmp_path: Path) -> None:
+    """Three deep shadows under broken cloud scatter as much in all as an offset, but leave the other readings alone."""
+    case = series(tmp_path / "case")
+    measured = case.records.measured.copy()
+    measured[[17, 58, 97]] *= 0.5
+    shaded = dataclasses.replace(case, records=dataclasses.replace(case.records, measured=measured))
+    content = answer(explain(shaded))
+    assert "clock-offset" not in {m["id"] for m in content["mechanisms"]}
+    scene = Scene(Readings.of(shaded))
+    residual = scene.readings.stretched(scene.readings.measured) - scene.readings.stretched(scene.readings.simulated)
+    assert not evenly_restless(scene, residual, 0.5)
