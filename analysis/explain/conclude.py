@@ -19,7 +19,7 @@ NAME_FIRST = 12.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_RANDOM = 25.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
-NAME_FIRST_LENS = 18.0
+NAME_FIRST_LENS = 28.0
 """The same for what looks like a lens simulated a little wrong."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
@@ -31,6 +31,8 @@ UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
+MOST_MISFIT = 40.0
+"""The form of a strong mechanism leaves evidence for others, but at most this."""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""
@@ -205,7 +207,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
 def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
-    return wrong**2 * max(h.evidence - nothing.evidence, 0.0)
+    return min(wrong**2 * max(h.evidence - nothing.evidence, 0.0), MOST_MISFIT)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:

@@ -53,9 +53,9 @@ class NearField(Mechanism):
         return "" if known else "goniometer distance and the systems' apertures are not all given"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """By re-simulation where there is one, and in closed form."""
+        """By re-simulation where there is one, and in closed form from the predicted far field itself."""
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
-        return (Branch("traced"),) if retraced else (Branch("closed form"),)
+        return (Branch("traced"), Branch("closed form")) if retraced else (Branch("closed form"),)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move both parts from far towards near."""
