@@ -1,4 +1,4 @@
-"""Openings to the sky after CIE 171:2006; see `tests.analysis.simulate.cie171`."""
+"""Openings to the sky in the manner of CIE 171:2006; see `tests.analysis.simulate.cie171`."""
 
 import math
 
