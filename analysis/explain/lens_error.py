@@ -10,15 +10,25 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import Sampler
-from analysis.explain.geometry import blurred
+from analysis.explain.geometry import blurred, turned
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from labdaq import directions
 
 BLUR_DEG = (4.5, 10.0)
 """Widths whose blur is allowed for [deg]."""
-SIZES = {"blur": 0.25, "broad": 0.10, "shift": 0.8, "turn": 0.8, "gain": 0.02, "contrast": 0.03, "spin": 0.3}
-"""Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part, loss of contrast."""
+SIZES = {
+    "blur": 0.25,
+    "broad": 0.10,
+    "shift": 0.8,
+    "turn": 0.8,
+    "gain": 0.02,
+    "contrast": 0.03,
+    "spin": 0.3,
+    "twist": 1.2,
+}
+"""Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part, loss of contrast, and
+degrees of turn about nadir and about the image's own middle."""
 SURROUNDINGS_DEG = 20.0
 """Width of the surroundings that a contrast is relative to [deg]."""
 SUN_S_PER_DEG = 240.0
@@ -75,6 +85,9 @@ def _shapes(scene: Scene) -> dict[str, Floats]:
         back = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], -1.0)
         shapes[name] = (Sampler(r.test, *moved)(sun) - Sampler(r.test, *back)(sun)) / 2.0
     shapes["spin"] = (_turned(r, sun, 1.0) - _turned(r, sun, -1.0)) / 2.0
+    if scene.knows_image:
+        one = np.ones(len(sun))
+        shapes["twist"] = at(turned(sun, scene.sun_vectors, one) - turned(sun, scene.sun_vectors, -one)) / 2.0
     return shapes
 
 

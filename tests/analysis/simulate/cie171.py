@@ -1,4 +1,4 @@
-"""Openings to the sky in the manner of CIE 171:2006, sections 5.9 to 5.12, with both engines beside an integral over the opening.
+"""Openings to the sky in the manner of CIE 171:2006, sections 5.9 to 5.12: both engines beside an integral.
 
     python3 -m tests.analysis.simulate.cie171
 
