@@ -15,8 +15,10 @@ from analysis.explain.noise import Hyper
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
 
-NAME_FIRST = 12.0
+NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
+NAME_FIRST_BELOW = 12.0
+"""The same below a skylight, where no simulated lens is quite right."""
 NAME_FIRST_RANDOM = 25.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
 NAME_FIRST_LENS = 28.0
@@ -29,6 +31,8 @@ UNNAMED = 20.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
+NAME_SECOND_LENS = 32.0
+"""The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
 MOST_MISFIT = 40.0
@@ -132,7 +136,9 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    return NAME_FIRST_LENS if any(t.mechanism.like_a_lens for t in h.fit.terms) else NAME_FIRST
+    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+        return NAME_FIRST_LENS
+    return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW
 
 
 def _few(search: Search) -> float:
@@ -195,13 +201,19 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
-    needed = (NAME_SECOND_RANDOM if random else NAME_SECOND) + _misfit(base, found.nothing)
+    needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else NAME_SECOND
+    needed += _misfit(base, found.nothing)
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
     if not _stands_out(best, base, candidates):
         return None
     best.evidence = base.evidence + gain
     return gain, best
+
+
+def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
+    """Whether what ``h`` adds to ``base`` looks like a lens simulated a little wrong."""
+    return any(t.mechanism.like_a_lens for t in h.fit.terms if t.mechanism.id not in base.ids)
 
 
 def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:

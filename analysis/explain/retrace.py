@@ -143,6 +143,9 @@ def _paths(
     ratios = [(value, *_ratio(case, base, variant)) for value, variant in members]
     one = np.ones_like(base.sun)
     numbered = [(v, sun, sky) for v, sun, sky in ratios if v is not None and origin is not None and v != origin]
+    if numbered and key == "rotation_deg":
+        yield from _turns(key, one, numbered)
+        return
     if numbered and mechanism not in {"near-field", "bounce-truncation", "lens-anisotropy"}:
         assert origin is not None
         rows = sorted([(origin, one, one), *numbered], key=lambda row: row[0])
@@ -159,6 +162,23 @@ def _paths(
         )
         yield Path(f"case's variant {label}", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
         del variant
+
+
+def _turns(key: str, one: Floats, numbered: list[tuple[float, Floats, Floats]]) -> Iterable[Path]:
+    """A turned pattern is no mixture with the one that is not turned: only turns near the simulated ones, by side."""
+    for side in (1.0, -1.0):
+        rows = sorted([(0.0, one, one), *(row for row in numbered if side * row[0] > 0.0)], key=lambda row: row[0])
+        if len(rows) < 2:
+            continue
+        at = np.array([row[0] for row in rows])
+        turns = at[at != 0.0]
+        near, far = float(np.abs(turns).min()), float(np.abs(turns).max())
+        low, high = sorted((side * 0.7 * near, side * 1.3 * far))
+        what = "turn of the pattern, counter-clockwise from above"
+        width = max(0.15 * far, far - near)
+        turn = Parameter(key, "deg", what, low, high, width, tuple(turns.tolist()), centre=float(turns.mean()))
+        label = f"case's variants of {key}, {'counter-' if side > 0 else ''}clockwise"
+        yield Path(label, turn, at, _stack(rows, 1), _stack(rows, 2))
 
 
 def _stack(rows: list[tuple[float, Floats, Floats]], which: int) -> Floats:

@@ -75,6 +75,8 @@ _IMAGE_TURN = Parameter(
 class LensHaze(_Retraced):
     """The lens scatters part of the light widely."""
 
+    like_a_lens = True
+
     id = "lens-haze"
     stage = Stage.OPTICS
     leaves_out = "The lens scatters part of the light widely, beyond what was simulated."
