@@ -166,13 +166,16 @@ def _form_factors(size_m: tuple[float, float, float]) -> Floats:
     factors = np.zeros((len(p.area), len(p.area)))
     corners = [(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)]
     for a, b in corners:
+        start = p.centre + a * p.first + b * p.second
         for c, d in corners:
-            way = (p.centre + c * p.first + d * p.second)[None] - (p.centre + a * p.first + b * p.second)[:, None]
-            d2 = np.sum(way**2, axis=-1) + np.eye(len(p.area))
-            here = np.einsum("ijk,ik->ij", way, p.normal)
-            there = -np.einsum("ijk,jk->ij", way, p.normal)
-            part = np.maximum(0.0, here) * np.maximum(0.0, there) / (math.pi * d2**2) * p.area[None] / 16.0
-            factors += part
+            end = p.centre + c * p.first + d * p.second
+            # products of matrices, not of each pair's vectors
+            d2 = np.sum(start**2, axis=1)[:, None] + np.sum(end**2, axis=1)[None] - 2.0 * start @ end.T
+            np.fill_diagonal(d2, 1.0)
+            here = p.normal @ end.T - np.sum(p.normal * start, axis=1)[:, None]
+            there = start @ p.normal.T - np.sum(p.normal * end, axis=1)[None]
+            factors += np.maximum(0.0, here) * np.maximum(0.0, there) / d2**2
+    factors *= p.area[None] / (16.0 * math.pi)
     np.fill_diagonal(factors, 0.0)
     return np.asarray(factors / factors.sum(axis=1, keepdims=True))
 

@@ -140,11 +140,26 @@ def _areas(where: NDArray[np.int64], step: float, parts: int = 8) -> Floats:
     fine = (np.arange(-reach, reach + 1)[:, None] + offsets[None, :]).ravel()
     x, y = np.meshgrid(fine, fine, indexing="ij")
     inside = np.hypot(x, y) * step <= math.sqrt(2.0)
-    points = np.column_stack([x[inside], y[inside]])
-    from scipy.spatial import cKDTree
-
-    _, nearest = cKDTree(where).query(points)
+    nearest = _nearest(where, np.stack([x[inside], y[inside]]), reach + 3)
     return np.asarray(np.bincount(nearest, minlength=len(where)) * (step / parts) ** 2)
+
+
+def _nearest(where: NDArray[np.int64], points: Floats, half: int) -> NDArray[np.int64]:
+    """Nearest of the nodes (n, 2) on whole numbers to points (2, m) no further than two steps from one."""
+    number = np.full((2 * half + 1, 2 * half + 1), -1)
+    number[where[:, 0] + half, where[:, 1] + half] = np.arange(len(where))
+    base = np.rint(points).astype(np.int64)
+    best, nearest = np.full(points.shape[1], np.inf), np.zeros(points.shape[1], dtype=np.int64)
+    around = sorted(((i, j) for i in range(-2, 3) for j in range(-2, 3)), key=lambda ij: ij[0] ** 2 + ij[1] ** 2)
+    left = np.arange(points.shape[1])
+    for i, j in around:
+        node = number[base[0, left] + i + half, base[1, left] + j + half]
+        distance = (base[0, left] + i - points[0, left]) ** 2 + (base[1, left] + j - points[1, left]) ** 2
+        better = (node >= 0) & (distance < best[left])
+        best[left[better]], nearest[left[better]] = distance[better], node[better]
+        if (i, j) == (0, 0):
+            left = left[node < 0]  # nothing is nearer than the node a point rounds to
+    return nearest
 
 
 @cache
