@@ -37,6 +37,8 @@ NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
 MOST_MISFIT = 40.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
+MOST_MISFIT_LENS = 200.0
+"""The same of what is done to a lens: that of another lens is taken for that of ours, half of which may be wrong."""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""
@@ -218,8 +220,11 @@ def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
 
 def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
+    gain = max(h.evidence - nothing.evidence, 0.0)
+    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+        return min(0.5 * gain, MOST_MISFIT_LENS)
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
-    return min(wrong**2 * max(h.evidence - nothing.evidence, 0.0), MOST_MISFIT)
+    return min(wrong**2 * gain, MOST_MISFIT)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:
@@ -258,7 +263,7 @@ def _decide(found: Conclusion, few: float) -> None:
     gain = found.best.evidence - found.nothing.evidence
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
-    elif left > UNNAMED + _misfit(found.best, found.nothing):
+    elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT):
         found.verdict = "partly-explained" if gain > max(found.unnamed_alone, found.law_alone) else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain + APART:
         found.verdict = "unexplained"
