@@ -115,12 +115,12 @@ def test_a_variant_of_the_case_is_reached_in_full(tmp_path: Path) -> None:
     variant = {"mechanism": "lens-orientation", "setting": {"rotation_deg": 20.0}, "simulated": change}
     case = make_case(tmp_path / "case", flaws=NONE, change={"variant": [variant]}, more=files)
     scene = Scene(Readings.of(case), retraced_of(case))
-    made = acted(scene, "lens-orientation", "case's variants of rotation_deg", 20.0)
+    made = acted(scene, "lens-orientation", "case's variants of rotation_deg, counter-clockwise", 20.0)
     exact = effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0) + effects._sky(ROWS)
     # between planes of 5° both images are read linearly (1 %); a ratio is limited where the image was 50 times weaker
     within = effects._sun(ROWS) > 0.02 * effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0)
     assert np.max(np.abs(made / exact - 1.0)[within]) < 0.02
-    half = acted(scene, "lens-orientation", "case's variants of rotation_deg", 10.0)
+    half = acted(scene, "lens-orientation", "case's variants of rotation_deg, counter-clockwise", 10.0)
     assert half == pytest.approx((made + BASE) / 2.0, rel=1e-9)
 
 
