@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import SKY, TURN_C, TURN_S, Floats, Light, Numbers
+from analysis.simulate.kernels.arrays import TURN_C, TURN_S, Floats, Light, Numbers
 from analysis.simulate.kernels.counting import ONE, ZERO
 from analysis.simulate.kernels.geometry import land
 from analysis.simulate.kernels.jit import kernel
-from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, even, from_sky, from_sun
+from analysis.simulate.kernels.launch import A1, A2, A3, direction, even, source_at
 from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.paths import RAY_STEP
 
@@ -29,14 +29,8 @@ def entering(geo: Numbers, facets: Floats, light: Light, seed: np.uint64, count:
     for i in range(count):
         state = stream(mix(base + np.uint64(i) * RAY_STEP), ONE)
         place = (i + shift) / count
-        while source < light.steps.shape[0] - 2 and place >= light.steps[source + 1]:
-            source += ONE
-        if light.mode == SKY:
-            dx, dy, dz, state = from_sky(source, light.side, state)
-        else:
-            a, state = uniform(state)
-            b, state = uniform(state)
-            dx, dy, dz = from_sun(light.suns, source, even(s4, i, A4), even(s5, i, A5), a, b)
+        source = source_at(light, place, source)
+        dx, dy, dz, state = direction(light, source, i, s4, s5, state)
         out[i, 3], out[i, 4], out[i, 5] = dx, dy, dz
         dx, dy = geo[TURN_C] * dx + geo[TURN_S] * dy, geo[TURN_C] * dy - geo[TURN_S] * dx
         area = 0.0

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import Floats
+from analysis.simulate.kernels.arrays import SKY, Floats, Light
 from analysis.simulate.kernels.jit import jit
 from analysis.simulate.kernels.maps import circle, hemisphere_of, uniform
 
@@ -60,3 +60,24 @@ def from_sun(suns: Floats, k: int, a: float, b: float, spread_a: float, spread_b
     x, y, z = sx + p * ax + q * bx, sy + p * ay + q * by, sz + q * bz
     scale = -1.0 / math.sqrt(x * x + y * y + z * z)
     return x * scale, y * scale, z * scale
+
+
+@jit
+def source_at(light: Light, place: float, source: int) -> int:
+    """The member of a source whose turn it is at ``place`` [0, 1) of the rays, ``source`` or a later one."""
+    while source < light.steps.shape[0] - 2 and place >= light.steps[source + 1]:
+        source += 1
+    return source
+
+
+@jit
+def direction(
+    light: Light, source: int, i: int, s4: float, s5: float, state: np.uint64
+) -> tuple[float, float, float, np.uint64]:
+    """Direction of travel of the i-th ray from a member of a source, sky or sun."""
+    if light.mode == SKY:
+        return from_sky(source, light.side, state)
+    a, state = uniform(state)
+    b, state = uniform(state)
+    dx, dy, dz = from_sun(light.suns, source, even(s4, i, A4), even(s5, i, A5), a, b)
+    return dx, dy, dz, state

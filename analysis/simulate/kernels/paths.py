@@ -17,7 +17,6 @@ from analysis.simulate.kernels.arrays import (
     OUT,
     OUTSIDE,
     RAYS,
-    SKY,
     TABLE,
     TURN_C,
     TURN_S,
@@ -33,7 +32,7 @@ from analysis.simulate.kernels.cover import enter, through_cover
 from analysis.simulate.kernels.exits import exit_fan, exit_plain
 from analysis.simulate.kernels.geometry import land, under_cover
 from analysis.simulate.kernels.jit import borrowed, jit, kernel
-from analysis.simulate.kernels.launch import A1, A2, A3, A4, A5, A6, even, from_sky, from_sun
+from analysis.simulate.kernels.launch import A1, A2, A3, A6, direction, even, source_at
 from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.wells import LOW, cross, roulette
 
@@ -189,14 +188,8 @@ def trace(sky: Skylight, counts: Counts, light: Light, seed: np.uint64, count: i
             admit(scene, key, source, ray, (r[i, 3], r[i, 4], r[i, 5]), r[i, 9], -ONE, pick, state)
             continue
         place = (i + shift) / count
-        while source < light.steps.shape[0] - 2 and place >= light.steps[source + 1]:
-            source += ONE
-        if light.mode == SKY:
-            dx, dy, dz, state = from_sky(source, light.side, state)
-        else:
-            a, state = uniform(state)
-            b, state = uniform(state)
-            dx, dy, dz = from_sun(light.suns, source, even(s4, i, A4), even(s5, i, A5), a, b)
+        source = source_at(light, place, source)
+        dx, dy, dz, state = direction(light, source, i, s4, s5, state)
         if dz < 0.0:
             dx, dy = geo[TURN_C] * dx + geo[TURN_S] * dy, geo[TURN_C] * dy - geo[TURN_S] * dx
             x, y, z, nx, ny, nz, area, facet = land(
