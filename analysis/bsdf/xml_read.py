@@ -17,6 +17,7 @@ from analysis.bsdf.tensor_tree import TensorTreeBsdf
 from analysis.bsdf.tree import Tree
 from analysis.bsdf.tree_text import parse_tree
 from analysis.bsdf.xml_tree import Node, parse_xml
+from analysis.text_numbers import is_number
 from labdaq.errors import DataError
 
 _LENGTHS: Final = {"meter": 1.0, "millimeter": 1e-3, "centimeter": 1e-2, "foot": 0.3048, "inch": 0.0254}
@@ -213,7 +214,7 @@ class _Reader:
         try:
             values = np.array(words, dtype=np.float64)
         except ValueError:
-            bad = next(word for word in words if not _is_number(word))
+            bad = next(word for word in words if not is_number(word))
             raise self.error(node, f"{bad!r} is not a number") from None
         if not np.isfinite(values).all():
             raise self.error(node, "a value is not finite")
@@ -225,11 +226,3 @@ class _Reader:
 
 def _words(node: Node) -> list[str]:
     return node.raw_text.replace(",", " ").split()
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

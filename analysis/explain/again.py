@@ -154,7 +154,8 @@ class _Radiosity(Mechanism):
         assert setup.room is not None
         assert setup.goniometer is not None
         arm = setup.goniometer
-        room = Room(tuple(setup.room.size_m), p[0], p[1], p[0], arm.sensor_half_angle_deg)  # type: ignore[arg-type]
+        width, depth, height = setup.room.size_m
+        room = Room((width, depth, height), float(p[0]), float(p[1]), float(p[0]), arm.sensor_half_angle_deg)
         sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
         field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
         added = np.zeros_like(field)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from analysis.photometry.distribution import Distribution
 from analysis.photometry.unfold import UnfoldError, unfold_c
+from analysis.text_numbers import is_number
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -105,7 +106,7 @@ def _grid(lines: list[Line], names: list[str], source: str) -> tuple[Floats, Flo
     first, words = lines[0]
     width = len(lines[1][1])
     named = len(words) == width
-    label = names[0] if named and not _is_number(words[0]) else ""
+    label = names[0] if named and not is_number(words[0]) else ""
     across = np.array([_number(word, source, first) for word in words[len(words) - width + 1 :]])
     down, body = [], []
     for number, row in lines[1:]:
@@ -143,11 +144,3 @@ def _number(word: str, source: str, line: int) -> float:
     if not math.isfinite(value):
         raise DataError(f"{source}, line {line}: {word!r} is not a number")
     return value
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.text_numbers import is_number
 from labdaq.errors import DataError
 from labdaq.whole_file import write_whole_bytes
 
@@ -47,7 +48,7 @@ def read_rows(path: Path) -> Floats:
         if line.startswith("#"):
             if line[1:].strip().lower().startswith("unit:"):
                 unit = _unit(path, number, line)
-        elif words and not _is_number(words[0]) and first == number:
+        elif words and not is_number(words[0]) and first == number:
             pass  # names of the columns
         elif words:
             break
@@ -75,14 +76,6 @@ def _unit(path: Path, number: int, line: str) -> float:
 def _first_mistake(path: Path, body: list[str], first: int) -> DataError:
     for number, line in enumerate(body, first + 1):
         words = line.split("#")[0].split()
-        if words and (len(words) < 7 or not all(_is_number(word) for word in words[:7])):
+        if words and (len(words) < 7 or not all(is_number(word) for word in words[:7])):
             return DataError(f"{path}, line {number}: {line.strip()[:60]!r} is not x y z l m n flux")
     return DataError(f"{path}: cannot be read as rows of x y z l m n flux")
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
