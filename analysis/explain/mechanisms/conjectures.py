@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
-from analysis.explain.sluggish import Sluggish
 from labdaq import directions
 
 

@@ -11,13 +11,13 @@ from analysis.cases import Case, write_case
 from analysis.cases.model import CaseFile, Records
 from analysis.explain.answer import answer
 from analysis.explain.families import evenly_restless
+from analysis.explain.mechanisms.sluggish import low_passed
 from analysis.explain.mechanisms.timing import _moved, unrest
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.explain.sky_flux import RINGS_DEG, SkyFlux, _flux
-from analysis.explain.sluggish import low_passed
 from tests.analysis.explain.campaign import SITE, Floats
 from tests.analysis.explain.roof import beam_and_sky
 
