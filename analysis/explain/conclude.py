@@ -1,57 +1,35 @@
-"""From evidence to a conclusion: which mechanisms are named, how surely, and what stays unnamed.
-
-Thresholds are in nats of log evidence. They were set on null worlds and on pairs made by the blind trial's generator
-(docs/explaining.md says how, and what they give there).
-"""
+"""From evidence to a conclusion: which mechanisms are named, how surely, and what stays unnamed."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
-from analysis.explain.fit import Extra, Fit, posterior_covariance
+from analysis.explain.fit import Extra, posterior_covariance
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.noise import Hyper
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search, best_hypers
-
-NAME_FIRST = 8.0
-"""A first mechanism must beat "nothing" by this."""
-NAME_FIRST_BELOW = 12.0
-"""The same below a skylight, where no simulated lens is quite right."""
-NAME_FIRST_RANDOM = 25.0
-"""The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
-NAME_FIRST_LENS = 28.0
-"""The same for what looks like a lens simulated a little wrong."""
-SHOWN = 4.0
-"""Log odds [nats] of repeated readings that show a random effect by themselves."""
-NAME_SECOND = 18.0
-"""A second (third) must beat the first alone by this, its form error allowed for."""
-UNNAMED = 20.0
-"""Unnamed structure beside a named mechanism must gain this before something is said to be left."""
-UNNAMED_ALONE = 25.0
-"""Unnamed structure alone must gain this before something is said to be there."""
-NAME_SECOND_LENS = 32.0
-"""The same for what looks like a lens simulated a little wrong."""
-NAME_SECOND_RANDOM = 60.0
-"""The same for a random effect, which can lean on whatever another form has left."""
-MOST_MISFIT = 40.0
-"""The form of a strong mechanism leaves evidence for others, but at most this."""
-MOST_MISFIT_LENS = 200.0
-"""The same of what is done to a lens: that of another lens is taken for that of ours, half of which may be wrong."""
-LEAST_EFFECT = 0.012
-"""A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
-not right to better than that."""
-APART = 3.0
-"""Hypotheses closer than this are not told apart."""
-SURE = 0.8
-"""A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
-RELIABLE = 0.97
-"""Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
-DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
-"""Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
-TEMPER = 1.6
-"""Evidence is divided by this before it becomes probability: forms are never quite right."""
+from analysis.explain.thresholds import (
+    APART,
+    DOUBLES,
+    LEAST_EFFECT,
+    MOST_MISFIT,
+    MOST_MISFIT_LENS,
+    NAME_FIRST,
+    NAME_FIRST_BELOW,
+    NAME_FIRST_LENS,
+    NAME_FIRST_RANDOM,
+    NAME_SECOND,
+    NAME_SECOND_LENS,
+    NAME_SECOND_RANDOM,
+    RELIABLE,
+    SHOWN,
+    SURE,
+    TEMPER,
+    UNNAMED,
+    UNNAMED_ALONE,
+)
 
 
 @dataclass(frozen=True)
@@ -321,8 +299,3 @@ def _probabilities(found: Conclusion) -> None:
         for h in found.singles[1:]:
             if h.ids != found.best.ids and found.singles[0].evidence - h.evidence < APART:
                 found.indistinguishable.append((found.best.ids[0], h.ids[0]))
-
-
-def joint_sd(fit: Fit) -> np.ndarray:
-    """Standard deviations of a fit's parameters; shape (P,)."""
-    return np.asarray(np.sqrt(np.diag(fit.covariance)))

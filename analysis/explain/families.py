@@ -13,8 +13,8 @@ from analysis.explain.fit import Fit
 from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.timing import unrest
-from analysis.explain.noise import Whitener
 from analysis.explain.scene import Scene
+from analysis.explain.whitening import Whitener
 
 CLOUD = w.Wander(
     "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]

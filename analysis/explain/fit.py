@@ -14,10 +14,11 @@ from scipy.stats import norm
 from analysis.cases.model import Floats
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.noise import GRID, Factored, Hyper, Nuisance, Solved, Whitener, grid_of
+from analysis.explain.noise import GRID, Hyper, Nuisance, grid_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
+from analysis.explain.whitening import Factored, Solved, Whitener
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,9 @@ class Fitter:
         if hyper.base not in self._factored:
             self._factored[hyper.base] = self.nuisance.factored(hyper)
         factored = self._factored[hyper.base]
-        return factored.whitener(hyper, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra))
+        return factored.whitener(
+            hyper.lens, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
+        )
 
     def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Solved:
         """Solve an effect's columns once per grid point (they are tried at many amplitudes)."""
@@ -105,10 +108,8 @@ class Fitter:
         if key not in self._solved:
             while len(self._solved) > 40:
                 del self._solved[next(iter(self._solved))]
-            self._solved[key] = (
-                columns,
-                Solved(factored.blocks.solved(columns)),
-            )  # columns kept, so that the id stays theirs
+            solved = Solved(factored.blocks.solved(columns))
+            self._solved[key] = (columns, solved)  # columns kept, so that the id stays theirs
         return self._solved[key][1]
 
     def residual(self, terms: tuple[Term, ...], theta: Floats) -> Floats:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
-from analysis.explain.noise import Whitener
 from analysis.explain.readings import GONIOMETER, Readings
+from analysis.explain.whitening import Whitener
 from labdaq import directions
 
 _WORLDS = 2000

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra, Fitter
@@ -87,10 +88,6 @@ def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Ex
 
 def _read(table: Floats, gamma_deg: Floats, c_deg: Floats) -> Floats:
     """Bilinear reading of a table (P, G), periodic in C."""
-    x = np.clip(gamma_deg / GAMMA_DEG[1], 0.0, len(GAMMA_DEG) - 1.000001)
-    y = np.mod(c_deg, 360.0) / C_DEG[1]
-    i, j = x.astype(np.intp), y.astype(np.intp) % len(C_DEG)
-    u, v, k = x - i, y - np.floor(y), (j + 1) % len(C_DEG)
-    return np.asarray(
-        (1 - v) * ((1 - u) * table[j, i] + u * table[j, i + 1]) + v * ((1 - u) * table[k, i] + u * table[k, i + 1])
-    )
+    closed = np.vstack([table, table[:1]])
+    read = RegularGridInterpolator((np.append(C_DEG, 360.0), GAMMA_DEG), closed)
+    return np.asarray(read((np.mod(c_deg, 360.0), np.clip(gamma_deg, GAMMA_DEG[0], GAMMA_DEG[-1]))))

@@ -81,10 +81,23 @@ def _right_first(o: Outcome) -> bool:
 
 def score(outcomes: list[Outcome]) -> list[Line]:
     """Return the lines of the table."""
-    singles = [o for o in outcomes if o.truth.content == "single"]
-    nulls = [o for o in outcomes if o.truth.content == "null"]
-    pairs = [o for o in outcomes if o.truth.content == "pair"]
-    opens = [o for o in outcomes if o.truth.content == "open"]
+    singles, nulls, pairs, opens = (
+        [o for o in outcomes if o.truth.content == content] for content in ("single", "null", "pair", "open")
+    )
+    return [
+        *_single_lines(singles),
+        *_claim_lines(outcomes),
+        *_null_lines(nulls),
+        *_pair_lines(pairs, singles),
+        *_open_lines(opens, singles),
+        *_interval_lines(outcomes),
+        *_withheld_lines(outcomes),
+        *_honesty_lines(outcomes),
+        *_effort_lines(outcomes),
+    ]
+
+
+def _single_lines(singles: list[Outcome]) -> list[Line]:
     lines = []
     for (low, high), goal, aim in zip(
         CLASSES, (0.95, 0.85, None, None, None), (0.99, 0.95, None, None, None), strict=True
@@ -93,70 +106,64 @@ def score(outcomes: list[Outcome]) -> list[Line]:
         label = f"effect >= {low:g} %" if math.isinf(high) else f"effect {low:g} to {high:g} %"
         lines.append(Line(f"named first, {label}", _rate(mine, _right_first), goal=goal, aim=aim))
     strong = [o for o in singles if _size(o) >= 2.5]
-    lines.append(Line("  of these by another name for the same", _rate(strong, lambda o: o.first == "equivalent")))
-    lines.append(
-        Line("  of these as one of an indistinguishable group", _rate(strong, lambda o: o.first == "composite"))
-    )
+    same = _rate(strong, lambda o: o.first == "equivalent")
+    group = _rate(strong, lambda o: o.first == "composite")
+    return [
+        *lines,
+        Line("  of these by another name for the same", same),
+        Line("  of these as one of an indistinguishable group", group),
+    ]
+
+
+def _claim_lines(outcomes: list[Outcome]) -> list[Line]:
     claims = [right for o in outcomes for _, _, right in o.claims]
-    lines.append(
-        Line("wrong names among all claims", Rate(claims.count(False), len(claims)), goal=0.05, aim=0.02, at_most=True)
-    )
     known = [right for o in outcomes if o.truth.content != "open" for _, _, right in o.claims]
-    lines.append(Line("  without the open cases", Rate(known.count(False), len(known)), at_most=True))
-    lines.append(
-        Line(
-            "something named when there is nothing",
-            _rate(nulls, lambda o: bool(o.named)),
-            goal=0.05,
-            aim=0.01,
-            at_most=True,
-        )
-    )
-    lines.append(
-        Line("  verdict other than no-mismatch", _rate(nulls, lambda o: o.verdict != "no-mismatch"), at_most=True)
-    )
+    wrong, without = Rate(claims.count(False), len(claims)), Rate(known.count(False), len(known))
+    return [
+        Line("wrong names among all claims", wrong, goal=0.05, aim=0.02, at_most=True),
+        Line("  without the open cases", without, at_most=True),
+    ]
+
+
+def _null_lines(nulls: list[Outcome]) -> list[Line]:
+    named = _rate(nulls, lambda o: bool(o.named))
+    flagged = _rate(nulls, lambda o: o.verdict != "no-mismatch")
+    return [
+        Line("something named when there is nothing", named, goal=0.05, aim=0.01, at_most=True),
+        Line("  verdict other than no-mismatch", flagged, at_most=True),
+    ]
+
+
+def _pair_lines(pairs: list[Outcome], singles: list[Outcome]) -> list[Line]:
     both = [o for o in pairs if min(c.effect_percent for c in o.truth.concealed) >= 1.5]
-    lines.append(Line("pairs, both named (each effect >= 1.5 %)", _rate(both, lambda o: o.both), goal=0.75, aim=0.85))
-    lines.append(Line("  all pairs", _rate(pairs, lambda o: o.both)))
-    lines.append(Line("  at least one named", _rate(pairs, _right_first)))
-    lines.append(
-        Line(
-            "false second beside a single",
-            _rate(singles, lambda o: bool(o.extra) and len(o.named) > 1),
-            goal=0.08,
-            aim=0.04,
-            at_most=True,
-        )
-    )
-    lines += _open_lines(opens, singles)
-    lines += _interval_lines(outcomes)
-    lines += _withheld_lines(outcomes)
-    lines.append(
-        Line(
-            "claims inside a declared pair",
-            value=float(sum(o.inside_pair for o in outcomes)),
-            goal=0.0,
-            aim=0.0,
-            at_most=True,
-        )
-    )
-    lines.append(
-        Line(
-            "claims that keep silent about an equivalent",
-            value=float(sum(o.silent_pair for o in outcomes)),
-            at_most=True,
-        )
-    )
-    lines.append(
-        Line("expected calibration error", value=calibration_error(outcomes), goal=0.1, aim=0.05, at_most=True)
-    )
+    false_second = _rate(singles, lambda o: bool(o.extra) and len(o.named) > 1)
+    return [
+        Line("pairs, both named (each effect >= 1.5 %)", _rate(both, lambda o: o.both), goal=0.75, aim=0.85),
+        Line("  all pairs", _rate(pairs, lambda o: o.both)),
+        Line("  at least one named", _rate(pairs, _right_first)),
+        Line("false second beside a single", false_second, goal=0.08, aim=0.04, at_most=True),
+    ]
+
+
+def _honesty_lines(outcomes: list[Outcome]) -> list[Line]:
+    inside = float(sum(o.inside_pair for o in outcomes))
+    silent = float(sum(o.silent_pair for o in outcomes))
+    error = calibration_error(outcomes)
+    return [
+        Line("claims inside a declared pair", value=inside, goal=0.0, aim=0.0, at_most=True),
+        Line("claims that keep silent about an equivalent", value=silent, at_most=True),
+        Line("expected calibration error", value=error, goal=0.1, aim=0.05, at_most=True),
+    ]
+
+
+def _effort_lines(outcomes: list[Outcome]) -> list[Line]:
     times = [o.seconds for o in outcomes if o.seconds > 0.0]
-    lines.append(Line("time per case, median [s]", value=float(np.median(times)) if times else math.nan))
-    lines.append(
-        Line("time per case, longest [s]", value=max(times, default=math.nan), goal=60.0, aim=15.0, at_most=True)
-    )
-    lines.append(Line("no answer", _rate(outcomes, lambda o: o.verdict == "failed"), goal=0.0, aim=0.0, at_most=True))
-    return lines
+    longest = max(times, default=math.nan)
+    return [
+        Line("time per case, median [s]", value=float(np.median(times)) if times else math.nan),
+        Line("time per case, longest [s]", value=longest, goal=60.0, aim=15.0, at_most=True),
+        Line("no answer", _rate(outcomes, lambda o: o.verdict == "failed"), goal=0.0, aim=0.0, at_most=True),
+    ]
 
 
 def _size(o: Outcome) -> float:

@@ -3,34 +3,16 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from analysis.cases import read_case
-from labdaq.cli import main
+from tests.analysis.commands import Run
 from tests.analysis.compare.light import distribution, lobe, on_arm, record, session_header, sky_part, write_ies
 from tests.analysis.recordings import recording
 
-Run = Callable[..., tuple[int, str, str]]
-
 beam = lobe(35.0, 90.0, 4000.0)
-
-
-@pytest.fixture
-def labdaq(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command line; returns exit code, standard output and standard error."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["labdaq", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        told = capsys.readouterr()
-        code = ended.value.code
-        return (code if isinstance(code, int) else 0), told.out, told.err
-
-    return run
 
 
 def _files(folder: Path) -> Path:

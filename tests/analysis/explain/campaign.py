@@ -4,6 +4,7 @@ Nothing here is taken from `analysis.explain`. The light is written as functions
 does (a turned arm, say) is worked out by asking the function elsewhere, not by resampling a grid.
 """
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -293,3 +294,9 @@ def _test(test: Sky, files: bool) -> dict[str, Any]:
 def named(tests: tuple[Sky, ...], **change: Any) -> tuple[Sky, ...]:
     """The tests with something changed in each."""
     return tuple(replace(t, **change) for t in tests)
+
+
+def columns(text: str, *names: str) -> list[Floats]:
+    """Columns of numbers of a CSV text."""
+    table = list(csv.DictReader(text.splitlines()))
+    return [np.array([float(row[n]) for row in table]) for n in names]

@@ -8,9 +8,8 @@ import pytest
 from analysis.cases import read_case
 from analysis.explain.apply import Model, apply_model
 from labdaq.errors import DataError
-from tests.analysis.explain.campaign import WITHHELD, Floats, light, make_case, rows_of
+from tests.analysis.explain.campaign import WITHHELD, Floats, columns, light, make_case, rows_of
 from tests.analysis.explain.roof import ROOF_TESTS, beam_and_sky, roof_case, sun_of
-from tests.analysis.explain.test_recovery import _columns
 
 
 def model(mechanism: str, way: str, names: list[str], theta: list[float], **facts: float) -> Model:
@@ -19,7 +18,7 @@ def model(mechanism: str, way: str, names: list[str], theta: list[float], **fact
 
 
 def corrected(case_folder: Path, what: Model) -> Floats:
-    return _columns(apply_model(what, read_case(case_folder, need_measured=False)), "corrected")[0]
+    return columns(apply_model(what, read_case(case_folder, need_measured=False)), "corrected")[0]
 
 
 def test_a_sensor_of_another_name_is_not_mistaken_for_the_first(tmp_path: Path) -> None:

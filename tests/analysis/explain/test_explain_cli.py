@@ -3,8 +3,6 @@
 import csv
 import json
 import re
-import sys
-from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -13,25 +11,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from labdaq.cli import main
+from tests.analysis.commands import Run
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, WITHHELD, make_case
-
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def labdaq(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command line; returns exit code, standard output and standard error."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["labdaq", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        told = capsys.readouterr()
-        return (ended.value.code if isinstance(ended.value.code, int) else 0), told.out, told.err
-
-    return run
 
 
 @pytest.fixture(scope="module")
@@ -204,16 +186,27 @@ def test_the_plots_are_svg(explained: tuple[Path, Path]) -> None:
 
 def test_predict_writes_a_csv_and_fits_nothing(labdaq: Run, explained: tuple[Path, Path], tmp_path: Path) -> None:
     make_case(tmp_path / "other", tests=WITHHELD, measured=False)
-    found = json.loads((explained[1] / "explanation.json").read_text())["model"][0]["theta"][0]
-    for option, near in (("--mechanisms-only", 1e-6), ("--out", 0.12)):  # with the shared error by default
-        words = [option] if option != "--out" else []
+    answer = json.loads((explained[1] / "explanation.json").read_text())
+    found, shared = answer["model"][0]["theta"][0], answer["shared_error"]
+    told = {}
+    for words in (["--mechanisms-only"], []):
         code, _, err = labdaq("predict", explained[1], tmp_path / "other", "--out", tmp_path / "p.csv", *words)
         assert (code, err) == (0, "")
-        rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
-        assert len(rows) == 2 * 160
-        for row in rows:
-            assert row["measured"] == ""
-            assert float(row["corrected"]) == pytest.approx(float(row["simulated"]) + found, rel=near)
+        told[bool(words)] = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
+    assert len(told[True]) == len(told[False]) == 2 * 160
+    systems = {sky.id: sky.system for sky in WITHHELD}
+    nodes = 0
+    for alone, row in zip(told[True], told[False], strict=True):
+        assert alone["measured"] == row["measured"] == ""
+        assert float(alone["corrected"]) == pytest.approx(float(row["simulated"]) + found, rel=1e-6)
+        c, gamma = float(row["c_deg"]) / 10.0, float(row["gamma_deg"]) / 5.0
+        if c.is_integer():  # a node of the table of the shared error
+            table = shared["systems"][systems[row["test"]]]
+            shift = table[int(c)][int(gamma)] + shared["sensors"][row["channel"]]
+            assert float(row["corrected"]) == pytest.approx(float(alone["corrected"]) * np.exp(shift), rel=1e-6)
+            nodes += 1
+    assert nodes == 2 * 40
+    assert max(abs(x) for table in shared["systems"].values() for row in table for x in row) > 0.003
 
 
 # what cannot be explained

@@ -4,7 +4,6 @@ The recordings carry what all have: noise, gains of tests and sensors, and a rip
 seed is shown of many; rates over many worlds are the blind trial's to measure (docs/explaining.md).
 """
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from analysis.explain.apply import apply_model, read_model
 from analysis.explain.mismatch import explain
 from labdaq.cli import cli
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import TESTS, WITHHELD, Floats, Truth, light, make_case, rows_of
+from tests.analysis.explain.campaign import TESTS, WITHHELD, Floats, Truth, columns, light, make_case, rows_of
 from tests.analysis.explain.roof import (
     ROOF_TESTS,
     SKY_TESTS,
@@ -72,11 +71,6 @@ def _explained(folder: Path, truth: Truth, seed: int = 1) -> dict[str, Any]:
     return content
 
 
-def _columns(text: str, *names: str) -> list[Floats]:
-    table = list(csv.DictReader(text.splitlines()))
-    return [np.array([float(row[n]) for row in table]) for n in names]
-
-
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_single_effect_is_named_and_sized_and_helps_elsewhere(name: str, tmp_path: Path) -> None:
     world = WORLDS[name]
@@ -94,7 +88,7 @@ def test_a_single_effect_is_named_and_sized_and_helps_elsewhere(name: str, tmp_p
 
     withheld = make_case(tmp_path / "withheld", tests=WITHHELD, measured=False)
     text = apply_model(read_model(tmp_path / "answer"), withheld)
-    simulated, corrected, sd = _columns(text, "simulated", "corrected", "corrected_uncertainty")
+    simulated, corrected, sd = columns(text, "simulated", "corrected", "corrected_uncertainty")
     exact = world.truth(rows_of(WITHHELD))
     before, after = (np.sqrt(np.mean(((x - exact) / exact) ** 2)) for x in (simulated, corrected))
     assert after < 0.5 * before
@@ -107,7 +101,7 @@ def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
     assert content["mechanisms"] == []
     assert content["mismatch"] == []
     same = make_case(tmp_path / "withheld", tests=WITHHELD, measured=False)
-    simulated, corrected = _columns(apply_model(read_model(tmp_path / "answer"), same), "simulated", "corrected")
+    simulated, corrected = columns(apply_model(read_model(tmp_path / "answer"), same), "simulated", "corrected")
     assert np.array_equal(corrected, simulated)
 
 

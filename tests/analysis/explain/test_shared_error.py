@@ -15,8 +15,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.shared_error import SharedError, shared_error
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import TESTS, WITHHELD, Flaws, Floats, Rows, light, make_case, rows_of
-from tests.analysis.explain.test_recovery import _columns
+from tests.analysis.explain.campaign import TESTS, WITHHELD, Flaws, Floats, Rows, columns, light, make_case, rows_of
 
 
 def _lens(rows: Rows) -> Floats:
@@ -66,8 +65,8 @@ def test_predictions_elsewhere_gain_by_it(tmp_path: Path) -> None:
     model = read_model(tmp_path / "answer")
     withheld = make_case(tmp_path / "withheld", tests=WITHHELD[:1], measured=False)
     exact = truth(rows_of(WITHHELD[:1]))
-    (with_it,) = _columns(apply_model(model, withheld), "corrected")
-    (without,) = _columns(apply_model(model.without_shared_error(), withheld), "corrected")
+    (with_it,) = columns(apply_model(model, withheld), "corrected")
+    (without,) = columns(apply_model(model.without_shared_error(), withheld), "corrected")
     assert np.std(np.log(with_it / exact)) < 0.7 * np.std(np.log(without / exact))
 
 

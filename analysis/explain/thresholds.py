@@ -1,0 +1,43 @@
+"""What evidence must come to before something is said, in nats of log evidence where nothing else is written.
+
+They were set on worlds in which nothing was left out and on pairs, made by the blind trial's generator and by that of
+another author, neither of which shares code with the explanation (docs/explaining.md, "How well it does").
+"""
+
+NAME_FIRST = 8.0
+"""A first mechanism must beat "nothing" by this."""
+NAME_FIRST_BELOW = 12.0
+"""The same below a skylight, where no simulated lens is quite right."""
+NAME_FIRST_RANDOM = 25.0
+"""The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
+NAME_FIRST_LENS = 28.0
+"""The same for what looks like a lens simulated a little wrong."""
+SHOWN = 4.0
+"""Log odds [nats] of repeated readings that show a random effect by themselves."""
+NAME_SECOND = 18.0
+"""A second (third) must beat the first alone by this, its form error allowed for."""
+UNNAMED = 20.0
+"""Unnamed structure beside a named mechanism must gain this before something is said to be left."""
+UNNAMED_ALONE = 25.0
+"""Unnamed structure alone must gain this before something is said to be there."""
+NAME_SECOND_LENS = 32.0
+"""The same for what looks like a lens simulated a little wrong."""
+NAME_SECOND_RANDOM = 60.0
+"""The same for a random effect, which can lean on whatever another form has left."""
+MOST_MISFIT = 40.0
+"""The form of a strong mechanism leaves evidence for others, but at most this."""
+MOST_MISFIT_LENS = 200.0
+"""The same of what is done to a lens: that of another lens is taken for that of ours, half of which may be wrong."""
+LEAST_EFFECT = 0.012
+"""A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
+not right to better than that."""
+APART = 3.0
+"""Hypotheses closer than this are not told apart."""
+SURE = 0.8
+"""A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
+RELIABLE = 0.97
+"""Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
+DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
+"""Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
+TEMPER = 1.6
+"""Evidence is divided by this before it becomes probability: forms are never quite right."""
