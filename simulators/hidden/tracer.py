@@ -117,6 +117,27 @@ def _outline(s: SkylightNumbers, dx: float, dy: float, dz: float) -> tuple[float
 
 
 @compiled
+def _sunbeam(state: State, sun: Floats, disc: float, power: float, u: float, v: float) -> tuple[float, float, float]:
+    """Direction of light from somewhere on the sun's disc (a lobe of ``power``, if any), by two uniform numbers."""
+    if power == 0.0:
+        r, t = disc * math.sqrt(u), 2.0 * math.pi * v
+        a, b = r * math.cos(t), r * math.sin(t)
+    else:
+        a, b = lobe(state, disc, power)
+    return tilted(-sun[0], -sun[1], -sun[2], a, b)
+
+
+@compiled
+def _answer(carried: Floats, w: float, slant: float, tally: Tally, factors: Floats, dirt: Floats) -> None:
+    """What a ray of weight ``w`` carries in each answer, by its tallied events."""
+    for i in range(len(carried)):
+        f = w * math.exp(-dirt[i] * slant)
+        for k in range(TALLIES):
+            f *= factors[i, k, min(DEPTH - 1, tally[k])]
+        carried[i] = f
+
+
+@compiled
 def _trace(
     s: SkylightNumbers,
     sun: Floats,
@@ -151,12 +172,7 @@ def _trace(
         start(state, seed, ray)
         for k in range(KRONECKER_DIMENSIONS):
             place[k] = (shift[k] + ray * steps[k]) % 1.0
-        if power == 0.0:
-            r, t = disc * math.sqrt(place[4]), 2.0 * math.pi * place[5]
-            a, b = r * math.cos(t), r * math.sin(t)
-        else:
-            a, b = lobe(state, disc, power)
-        dx, dy, dz = tilted(-sun[0], -sun[1], -sun[2], a, b)
+        dx, dy, dz = _sunbeam(state, sun, disc, power, place[4], place[5])
         sums[0] += area
         if dz >= -1e-4:
             continue
@@ -182,11 +198,7 @@ def _trace(
             sums[3] += nominal
             continue
         sums[2] += nominal
-        for i in range(answers):
-            f = w * math.exp(-dirt[i] * slant)
-            for k in range(TALLIES):
-                f *= factors[i, k, min(DEPTH - 1, tally[k])]
-            carried[i] = f
+        _answer(carried, w, slant, tally, factors, dirt)
         bounces[min(DEPTH - 1, tally[WALL])] += carried[0]
         for r in range(len(radii)):
             if math.isinf(radii[r]):
