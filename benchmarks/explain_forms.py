@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain import scene
 from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.readings import GONIOMETER, Readings
 from analysis.explain.resimulate import OwnSimulation, simulator_of
-from analysis.explain.retrace import retraced_of
 from analysis.explain.scene import Scene
 
 LEAST_READINGS = 5
@@ -40,7 +40,7 @@ def simulation(case: Case) -> OwnSimulation | None:
 
 def scene_of(case: Case, *, measured_only: bool = True) -> Scene:
     """The scene of a case, with its re-simulations."""
-    return Scene(Readings.of(case, measured_only=measured_only), retraced_of(case, simulation(case)))
+    return scene.scene_of(case, simulation(case), measured_only=measured_only)
 
 
 def usable(scene: Scene) -> list[Mechanism]:

@@ -14,8 +14,8 @@ from analysis.explain.mechanisms.base import Term, in_its_state, predict, terms_
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
-from analysis.explain.retrace import Simulator, retraced_of
-from analysis.explain.scene import Scene
+from analysis.explain.retrace import Simulator
+from analysis.explain.scene import Scene, scene_of
 from analysis.explain.shared_error import SharedError
 from labdaq.errors import DataError
 
@@ -93,8 +93,8 @@ def apply_model(model: Model, case: Case, simulator: Simulator | None = None) ->
 
     Raises `DataError` when a mechanism cannot be applied because the case lacks what it needs.
     """
-    readings = Readings.of(case, measured_only=False)
-    scene = Scene(readings, retraced_of(case, simulator))
+    scene = scene_of(case, simulator, measured_only=False)
+    readings = scene.readings
     terms = tuple(_term(entry, scene) for entry in model.entries)
     theta = np.array([x for entry in model.entries for x in entry["theta"]])
     sd = np.array([x for entry in model.entries for x in entry["sd"]])

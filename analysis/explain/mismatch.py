@@ -16,8 +16,8 @@ from analysis.explain.locate import Mismatch, locate
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.noise import Hyper
 from analysis.explain.readings import Readings
-from analysis.explain.retrace import Simulator, retraced_of
-from analysis.explain.scene import Scene
+from analysis.explain.retrace import Simulator
+from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
 
@@ -69,10 +69,12 @@ def explain(
 
 
 def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], None]) -> Explanation:
-    readings = Readings.of(case)
     progress("forensics")
-    findings = forensics(readings)
-    scene = Scene(readings, retraced_of(case, simulator))
+    findings = forensics(Readings.of(case))
+    scene = scene_of(case, simulator)
+    readings = scene.readings
+    if scene.sun_share is not None:
+        findings.append("The records do not give the predicted sun and sky parts apart; our own simulation split them.")
     fitter = Fitter(scene)
     progress("locating the mismatch")
     null = fitter.residual((), np.zeros(0))

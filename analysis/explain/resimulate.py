@@ -78,11 +78,14 @@ class Retracings:
         Sun part (T, P, G) over that of the disc alone, for no aureole and for `AUREOLES_DEG`.
     near
         Near over far field of both parts, (T, P, G) each.
+    sun_share
+        Sun part over both, as predicted, (T, P, G); NaN in tests that cannot be traced.
     """
 
     paths: dict[str, tuple[Path, ...]]
     aureoles: list[Floats]
     near: Field
+    sun_share: Floats
 
 
 class OwnSimulation:
@@ -96,7 +99,7 @@ class OwnSimulation:
     def made(self) -> Retracings:
         """All of it, traced in one go."""
         tracing = _Tracing(self.case, self.systems)
-        return Retracings(tracing.paths(), tracing.aureoles(), tracing.near_over_far())
+        return Retracings(tracing.paths(), tracing.aureoles(), tracing.near_over_far(), tracing.sun_share())
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """See `analysis.explain.retrace.Simulator.paths`."""
@@ -112,6 +115,10 @@ class OwnSimulation:
     def near_field(self) -> Field | None:
         """See `analysis.explain.retrace.Simulator.near_field`."""
         return self.made.near
+
+    def sun_share(self) -> Floats | None:
+        """See `analysis.explain.retrace.Simulator.sun_share`."""
+        return self.made.sun_share
 
 
 class _Tracing:
@@ -130,6 +137,14 @@ class _Tracing:
         far = self._spread({name: run.baseline.far for name, run in self._precise.items()})
         near = self._spread({name: run.baseline.near for name, run in self._precise.items()})
         return ratio(near[0], far[0]), ratio(near[1], far[1])
+
+    def sun_share(self) -> Floats:
+        """See `Retracings`; in the dark the share of the whole flux."""
+        sun, sky = self._spread({n: self._as_predicted(run.baseline) for n, run in self._precise.items()})
+        whole = sun + sky
+        floor = _DARK * whole.max(axis=(1, 2), keepdims=True)
+        mean = np.sum(sun, axis=(1, 2), keepdims=True) / np.sum(whole, axis=(1, 2), keepdims=True)
+        return np.asarray((sun + floor * mean) / (whole + floor))
 
     # what is traced
 

@@ -63,6 +63,10 @@ class Simulator(Protocol):
         """Ratio (T, P, G) of near to far intensity of both parts."""
         ...
 
+    def sun_share(self) -> Floats | None:
+        """Share (T, P, G) of the sun part in both; NaN in tests that it cannot trace."""
+        ...
+
 
 @dataclass(frozen=True)
 class Retraced:

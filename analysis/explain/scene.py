@@ -1,16 +1,17 @@
 """The scene of a case: readings, predicted fields, and what mechanisms need to know of room and geometry."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.cases import Case
 from analysis.cases.model import Floats, Goniometer
 from analysis.explain.fields import Fields, Sampler, fields_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
-from analysis.explain.retrace import Retraced
+from analysis.explain.retrace import Retraced, Simulator, retraced_of
 from analysis.explain.sky_flux import SkyFlux
 from analysis.explain.sky_shape import SkyShape
 from labdaq import directions
@@ -49,6 +50,22 @@ class Light:
         return sun, sky
 
 
+def scene_of(case: Case, simulator: Simulator | None = None, *, measured_only: bool = True) -> "Scene":
+    """The scene of ``case``; where the arm's predictions are not given in parts, ``simulator`` splits them."""
+    readings = Readings.of(case, measured_only=measured_only)
+    retraced = retraced_of(case, simulator)
+    whole = (readings.kind == GONIOMETER) & ~(np.isfinite(readings.sun) & np.isfinite(readings.sky))
+    share = simulator.sun_share() if simulator is not None and np.any(whole) else None
+    if share is None:
+        return Scene(readings, retraced)
+    split = Sampler(readings.test, np.nan_to_num(readings.gamma_deg), np.nan_to_num(readings.c_deg))(share)
+    if not np.all(np.isfinite(split[whole])):  # a system that cannot be traced
+        return Scene(readings, retraced)
+    sun = np.where(whole, readings.simulated * split, readings.sun)
+    sky = np.where(whole, readings.simulated - sun, readings.sky)
+    return Scene(replace(readings, sun=sun, sky=sky), retraced, share)
+
+
 @dataclass(frozen=True)
 class Scene:
     """Everything the forward models read; built once per explanation.
@@ -57,10 +74,13 @@ class Scene:
     ----------
     retraced
         The case's variants and our own re-simulations; ``None`` where neither can be had.
+    sun_share : shape (T, P, G)
+        The sun part's share by our own simulation, where the case gives only the sum of both.
     """
 
     readings: Readings
     retraced: Retraced | None = None
+    sun_share: Floats | None = None
     memory: dict[object, Floats] = field(default_factory=dict)
 
     def remember(self, work: Callable[["Scene"], Floats]) -> Floats:
@@ -72,7 +92,12 @@ class Scene:
     @cached_property
     def fields(self) -> Fields:
         """Predicted fields of every test."""
-        return fields_of(self.readings)
+        given = fields_of(self.readings)
+        if self.sun_share is None:
+            return given
+        whole = ~np.any(given.sky, axis=(1, 2), keepdims=True)
+        sun = np.where(whole, given.sun * self.sun_share, given.sun)
+        return Fields(sun, given.total - sun)
 
     @cached_property
     def is_gonio(self) -> NDArray[np.bool_]:

@@ -179,6 +179,7 @@ def make_case(
     seed: int = 1,
     files: bool = True,
     measured: bool = True,
+    parts: bool = True,
     without: tuple[str, ...] = (),
     change: dict[str, Any] | None = None,
     more: dict[str, bytes] | None = None,
@@ -199,8 +200,8 @@ def make_case(
         measured=recorded(rows, exact, flaws, seed) if measured else np.full(len(exact), np.nan),
         uncertainty=noise,
         simulated=light(rows),
-        sun=part(rows, sun_part, rows.gamma_deg, rows.c_deg),
-        sky=part(rows, sky_part, rows.gamma_deg, rows.c_deg),
+        sun=part(rows, sun_part, rows.gamma_deg, rows.c_deg) if parts else np.full(len(exact), np.nan),
+        sky=part(rows, sky_part, rows.gamma_deg, rows.c_deg) if parts else np.full(len(exact), np.nan),
     )
     table = _setup(tests, files) | (change or {})
     for name in without:

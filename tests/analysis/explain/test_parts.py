@@ -1,0 +1,69 @@
+"""Where a case gives only the sum of sun and sky, our own simulation tells them apart."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.explain.mismatch import explain
+from analysis.explain.readings import Readings
+from analysis.explain.retrace import Path as Settings
+from analysis.explain.scene import Scene, scene_of
+from tests.analysis.explain import effects
+from tests.analysis.explain.campaign import Floats, make_case
+
+
+@dataclass
+class _Split:
+    """A simulator that knows nothing but how much of the light is the sun's."""
+
+    share: Floats
+
+    def paths(self, mechanism: str) -> tuple[Settings, ...]:
+        return ()
+
+    def aureole(self, width_deg: float) -> Floats | None:
+        return None
+
+    def near_field(self) -> tuple[Floats, Floats] | None:
+        return None
+
+    def sun_share(self) -> Floats | None:
+        return self.share
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> _Split:
+    given = Scene(Readings.of(make_case(tmp_path / "given"))).fields
+    return _Split(given.sun / np.maximum(given.total, 1e-9))
+
+
+def test_the_parts_come_back(tmp_path: Path, own: _Split) -> None:
+    whole = make_case(tmp_path / "whole", parts=False, files=False)
+    assert not Scene(Readings.of(whole)).readings.has_parts
+    scene, given = scene_of(whole, own), Readings.of(make_case(tmp_path / "given", files=False))
+    assert scene.readings.has_parts
+    assert scene.readings.sun + scene.readings.sky == pytest.approx(scene.readings.simulated)
+    assert np.sqrt(np.mean((scene.readings.sun - given.sun) ** 2)) < 0.03 * np.sqrt(np.mean(given.sun**2))
+
+
+def test_parts_that_are_given_stay(tmp_path: Path, own: _Split) -> None:
+    case = make_case(tmp_path / "case")
+    scene = scene_of(case, _Split(0.5 * own.share))
+    assert scene.sun_share is None
+    assert np.array_equal(scene.readings.sun, Readings.of(case).sun)
+
+
+def test_a_system_that_cannot_be_traced_stays_whole(tmp_path: Path, own: _Split) -> None:
+    case = make_case(tmp_path / "case", parts=False, files=False)
+    own.share[0] = np.nan
+    assert not scene_of(case, own).readings.has_parts
+
+
+def test_the_split_of_the_daylight_is_found_in_sums(tmp_path: Path, own: _Split) -> None:
+    case = make_case(tmp_path / "case", effects.split(0.3), parts=False, files=False)
+    blind, told = explain(case), explain(case, own)
+    assert any("sky-sun-ratio" in str(entry) for entry in blind.not_tried)
+    assert told.conclusion.best.ids == ("sky-sun-ratio",)
+    assert any("our own simulation split them" in finding for finding in told.findings)
