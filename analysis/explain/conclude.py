@@ -7,9 +7,8 @@ import numpy as np
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, posterior_covariance
 from analysis.explain.mechanisms.base import Term
-from analysis.explain.noise import Hyper
 from analysis.explain.repeats import repeats
-from analysis.explain.search import Hypothesis, Search, best_hypers
+from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     APART,
     DOUBLES,
@@ -97,7 +96,7 @@ def conclude(search: Search) -> Conclusion:
     """Search, compare, and decide."""
     nothing = search.nothing()
     found = Conclusion(best=nothing, nothing=nothing, singles=[])
-    found.singles = search.singles() + _wandering_beside(search, found, nothing, (), search.fitter.grid)
+    found.singles = search.singles() + _wandering_beside(search, found, nothing, ())
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
     few = _few(search)
@@ -135,13 +134,13 @@ def _widen(search: Search, found: Conclusion) -> None:
 
 
 def _wandering_beside(
-    search: Search, found: Conclusion, base: Hypothesis, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]
+    search: Search, found: Conclusion, base: Hypothesis, extra: tuple[Extra, ...]
 ) -> list[Hypothesis]:
     """``base`` with each of the catalogue's random effects that repeated readings do not contradict."""
     tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
     kept = []
     for wander in named_wanders(search.scene, tried):
-        h = search.wandering(base, wander, extra, grid)
+        h = search.wandering(base, wander, extra)
         _, amplitude, length = h.wanders[-1]
         told = repeats(search.scene, base.fit, wander, amplitude, length) if wander is CLOUD else None
         if told and told.contradict:
@@ -169,10 +168,9 @@ def _grow(search: Search, found: Conclusion) -> None:
 
 def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[float, Hypothesis] | None:
     """``base`` with one mechanism more, if that is accepted; evidence is put on the common scale of `Conclusion`."""
-    grid = best_hypers(base.fit, 6)
     extra = (*search.form_error(base.fit), *(w.extra(search.scene, a, x) for w, a, x in base.wanders))
-    alone = search.reweighed(base, extra, grid)
-    candidates = search.beside(base, grid, extra) + _wandering_beside(search, found, base, extra, grid)
+    alone = search.reweighed(base, extra)
+    candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT]
@@ -221,16 +219,15 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
 
 def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:
     """Unnamed structure that could stand beside ``base``, largest gain first."""
-    grid = best_hypers(base.fit, 6)
-    alone = search.reweighed(base, extra, grid)
+    alone = search.reweighed(base, extra)
     families = [(family, 0.0) for family in unnamed_wanders(search.scene)]
-    if odd := odd_readings(search.scene, base.fit, search.fitter.whitener(grid[0], extra)):
+    if odd := odd_readings(search.scene, base.fit, search.fitter.whitener(base.fit.hyper, extra)):
         families.append(odd)
     found = []
     for family, ways in families:
-        h = search.wandering(base, family, extra, grid)
+        h = search.wandering(base, family, extra)
         found.append(Unnamed(family.along, h.evidence - ways - alone, h.wanders[-1][1]))
-    for h in search.beside(base, grid, extra, search.conjectures):
+    for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
         found.append(Unnamed(law.mechanism.id, h.evidence - alone, float(h.fit.theta[-1]), law))
     return sorted(found, key=lambda u: -u.gain)

@@ -6,15 +6,17 @@ fit, summed over the grid of discrepancy sizes (MacKay 2003, Information Theory,
 ch. 27-28).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import norm
 
 from analysis.cases.model import Floats
+from analysis.explain.hypers import Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.noise import GRID, Hyper, Nuisance, grid_of
+from analysis.explain.noise import Nuisance
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
@@ -29,6 +31,9 @@ class Extra:
     amplitude: float = 1.0
 
 
+MIDDLE = Hyper(2.0, 1.2, 1.0)
+"""Sizes at which starting points are compared, and fits begin."""
+_KEPT = 48  # factored covariances; of two thousand readings each takes some 30 MB
 _STEPS = 12
 _SMALL = 1e-3  # of a standard deviation: a step below it ends the fit
 
@@ -66,8 +71,7 @@ class Fit:
     objective: float = np.inf
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     log_evidence: float = -np.inf
-    hyper: Hyper = GRID[0]
-    hyper_weights: dict[Hyper, float] = field(default_factory=dict)
+    hyper: Hyper = MIDDLE
     spread: Floats | None = None
 
     @property
@@ -88,22 +92,23 @@ class Fitter:
         self.scene = scene
         effects = np.concatenate([lens_error_effects(scene), sky_error_effects(scene)], axis=1)
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene))
-        self.grid = grid_of(scene.readings)
+        self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}
         self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Solved]] = {}
 
     def whitener(self, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Whitener:
-        """The covariance at a grid point, with extra random effects."""
-        if hyper.base not in self._factored:
-            self._factored[hyper.base] = self.nuisance.factored(hyper)
-        factored = self._factored[hyper.base]
+        """The covariance at some sizes, with extra random effects."""
+        factored = self._factored.pop(hyper.base, None) or self.nuisance.factored(hyper)
+        self._factored[hyper.base] = factored  # the latest last
+        while len(self._factored) > _KEPT:
+            del self._factored[next(iter(self._factored))]
         return factored.whitener(
             hyper.lens, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
         )
 
     def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Solved:
-        """Solve an effect's columns once per grid point (they are tried at many amplitudes)."""
+        """Solve an effect's columns once per factoring (they are tried at many amplitudes)."""
         key = (hyper.base, id(columns))
         if key not in self._solved:
             while len(self._solved) > 40:
@@ -131,7 +136,7 @@ class Fitter:
         return np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
 
     def fit(self, terms: tuple[Term, ...], start: Floats, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Fit:
-        """Gauss-Newton from ``start`` at one grid point, with halved steps where the objective does not fall."""
+        """Gauss-Newton from ``start`` at some sizes, with halved steps where the objective does not fall."""
         whitener = self.whitener(hyper, extra)
         parameters = tuple(p for t in terms for p in t.parameters)
         theta = _inside(np.asarray(start, dtype=np.float64), parameters)
@@ -191,24 +196,24 @@ class Fitter:
         best = int(np.argmax(drop))
         return float(drop[best]), points[best]
 
-    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), grid: tuple[Hyper, ...] = ()) -> None:
-        """Set evidence, covariance and best grid point of fits, from one factoring per grid point."""
-        grid = grid or self.grid
-        logs = {id(f): np.empty(len(grid)) for f in fits}
-        white: dict[tuple[tuple[float, float], int], Floats] = {}
-        for k, hyper in enumerate(grid):
-            whitener = self.whitener(hyper, extra)
-            for f in fits:
-                key = (hyper.base, id(f))
-                if key not in white:
-                    white[key] = whitener.solved(np.column_stack([f.jacobian, f.residual]))
-                logs[id(f)][k] = laplace(whitener.gram_of(white[key]), whitener.log_det, f) + hyper.log_weight
+    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), start: Hyper | None = None) -> None:
+        """Set evidence, covariance and best sizes of fits; the search for those begins at ``start`` (or the fit's)."""
         for f in fits:
-            values = logs[id(f)]
-            f.log_evidence = float(np.logaddexp.reduce(values))
-            f.hyper = grid[int(np.argmax(values))]
-            f.hyper_weights = dict(zip(grid, np.exp(values - f.log_evidence), strict=True))
+            f.hyper, f.log_evidence = self.lattice.climb(self.density(f, extra), start or f.hyper)
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
+
+    def density(self, fit: Fit, extra: tuple[Extra, ...]) -> Callable[[Hyper], float]:
+        """Log evidence of a fit at some sizes, their prior included."""
+        columns = np.column_stack([fit.jacobian, fit.residual])
+        white: dict[tuple[float, float], Floats] = {}
+
+        def density(hyper: Hyper) -> float:
+            whitener = self.whitener(hyper, extra)
+            if hyper.base not in white:
+                white[hyper.base] = whitener.solved(columns)
+            return laplace(whitener.gram_of(white[hyper.base]), whitener.log_det, fit) + hyper.log_weight
+
+        return density
 
 
 def _starts(term: Term) -> Floats:
@@ -218,7 +223,7 @@ def _starts(term: Term) -> Floats:
 
 
 def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
-    """Log evidence of a fit at one grid point, one Newton step beyond its parameters included.
+    """Log evidence of a fit at some sizes, one Newton step beyond its parameters included.
 
     ``gram`` is that of the Jacobian's columns and the residual, ``log_det`` the covariance's.
     One-sided priors have twice the density, and the part of the posterior beyond the end is cut off.
@@ -248,7 +253,7 @@ def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
 
 
 def posterior_covariance(whitener: Whitener, fit: Fit) -> Floats:
-    """Covariance (P, P) of the parameters at one grid point, prior included."""
+    """Covariance (P, P) of the parameters at some sizes, prior included."""
     n = len(fit.parameters)
     if n == 0:
         return np.zeros((0, 0))

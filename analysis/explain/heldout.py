@@ -10,8 +10,8 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fit import Fitter
+from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.noise import Hyper
 from analysis.explain.readings import ROOF, Readings
 from analysis.explain.scene import Scene
 from analysis.explain.shared_error import SharedError, shared_error

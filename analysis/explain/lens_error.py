@@ -18,14 +18,14 @@ from labdaq import directions
 BLUR_DEG = (4.5, 10.0)
 """Widths whose blur is allowed for [deg]."""
 SIZES = {
-    "blur": 0.25,
-    "broad": 0.10,
-    "shift": 0.8,
-    "turn": 0.8,
-    "gain": 0.02,
+    "blur": 0.08,
+    "broad": 0.05,
+    "shift": 0.08,
+    "turn": 0.08,
+    "gain": 0.007,
     "contrast": 0.03,
-    "spin": 0.3,
-    "twist": 1.2,
+    "spin": 0.06,
+    "twist": 0.08,
 }
 """Usual sizes: shares of a blur of those widths, degrees of shift, relative gain of the sun part, loss of contrast, and
 degrees of turn about nadir and about the image's own middle."""
@@ -35,7 +35,7 @@ SUN_S_PER_DEG = 240.0
 """The sky turns by a degree in this time [s]."""
 DIMS_PER_DEG = 0.04
 """Usual relative change of the sun part for a degree of the sun's way: height above the pane, Fresnel losses."""
-_OF_SYSTEM, _OF_TEST = 0.8, 0.6  # of the usual size, in quadrature about one
+_OF_SYSTEM, _OF_TEST = 0.85, 0.53  # of the usual size, in quadrature about one
 
 
 def lens_error_effects(scene: Scene) -> Floats:

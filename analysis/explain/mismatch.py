@@ -12,9 +12,9 @@ from analysis.explain.conclude import Conclusion, conclude
 from analysis.explain.fit import Fitter
 from analysis.explain.forensics import forensics
 from analysis.explain.heldout import HeldOut, deviations, held_out, rms
+from analysis.explain.hypers import Hyper
 from analysis.explain.locate import Mismatch, locate
 from analysis.explain.mechanisms.base import predict
-from analysis.explain.noise import Hyper
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of

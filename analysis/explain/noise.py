@@ -5,18 +5,18 @@ has quite the right lens: a smooth shape discrepancy on the sphere, partly the s
 Neighbouring directions therefore err together; a method that takes them for independent is far too sure of itself
 (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63; Brynjarsdottir and O'Hagan 2014, Inverse Problems 30).
 
-All amplitudes are relative to the reading. Two of them are not known and are summed over a grid of `Hyper`.
+All amplitudes are relative to the reading. Three of them are not known: see `analysis.explain.hypers`.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
+from analysis.explain.hypers import Hyper
 from analysis.explain.nearness import by_direction, by_time, days_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.whitening import Blocks, Factored, Solved, Whitener
@@ -24,46 +24,8 @@ from analysis.explain.whitening import Blocks, Factored, Solved, Whitener
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.006
-POINTING_DEG: Final = 0.12
+POINTING_DEG: Final = 0.14
 """Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
-_PLANES: Final = 0.5
-"""Variance of what a test's half planes have in common, in shares of its smooth discrepancy's."""
-
-
-@dataclass(frozen=True)
-class Hyper:
-    """How wrong the simulation may be: multiples of the usual smooth discrepancy, scatter, and error of the lens."""
-
-    shape: float
-    scatter: float
-    lens: float = 1.0
-
-    @property
-    def log_weight(self) -> float:
-        """Log prior (unnormalised): log-normal about one, a factor 2.5 wide each."""
-        logs = np.log([self.shape, self.scatter, self.lens])
-        return float(-0.5 * np.sum(logs**2) / np.log(2.5) ** 2)
-
-    @property
-    def base(self) -> tuple[float, float]:
-        """The part that the block factors depend on."""
-        return self.shape, self.scatter
-
-
-GRID: Final = tuple(Hyper(a, b, c) for a, b, c in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5), (0.4, 1.0, 2.5)))
-GRID_OF_ROOF: Final = tuple(Hyper(a, b) for a, b in product((0.4, 0.9, 2.0, 4.5), (0.4, 1.2, 3.5)))
-"""On the roof there is no lens."""
-GRID_OF_SKY: Final = tuple(
-    Hyper(a, b, c) for a, b, c in product((0.25, 0.8, 2.0, 4.5), (0.3, 1.0, 3.0, 9.0, 25.0), (0.4, 1.2, 3.0))
-)
-"""A prediction of the sky is a second instrument (right to a per cent) or a sky model (to ten); ``lens`` is what all
-pictures of one camera have in common."""
-
-
-def grid_of(readings: Readings) -> tuple[Hyper, ...]:
-    """The grid for the kinds of channel that a case has."""
-    kinds = set(readings.kind.tolist())
-    return GRID if GONIOMETER in kinds else GRID_OF_SKY if SKY in kinds else GRID_OF_ROOF
 
 
 @dataclass(frozen=True)
@@ -81,7 +43,7 @@ class Usual:
 
 
 USUAL: Final = {
-    GONIOMETER: Usual(0.018, 0.010, 0.007, GAIN_OF_TESTS, 0.04),
+    GONIOMETER: Usual(0.018, 0.011, 0.005, GAIN_OF_TESTS, 0.04),
     ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0),
     SKY: Usual(0.0, 0.012, 0.005, 0.012, 0.0, 0.010),  # what tests have in common: see sky_error
 }
@@ -109,13 +71,6 @@ class Block:
         """1 where two rows belong to the same test; shape (n, n)."""
         test = self.readings.test[self.rows]
         return np.asarray(test[:, None] == test[None, :], dtype=np.float64)
-
-    @cached_property
-    def same_plane(self) -> Floats:
-        """Correlation over 30° of C, whatever the gamma: a lens errs alike in a whole half plane; shape (n, n)."""
-        c = np.radians(np.nan_to_num(self.readings.c_deg[self.rows]))
-        near: Floats = np.exp((np.cos(c[:, None] - c[None, :]) - 1.0) / np.radians(30.0) ** 2)
-        return near if self.kind == GONIOMETER else np.zeros_like(near)
 
     @cached_property
     def loud(self) -> Floats:
@@ -172,9 +127,8 @@ class Nuisance:
         usual = USUAL[block.kind]
         r = self.readings
         shared = (hyper.shape * usual.shape) ** 2 * block.near + usual.level**2
-        planes = _PLANES * (hyper.shape * usual.shape_of_test) ** 2 * block.same_plane
         gain = usual.gain**2 + (hyper.scatter * usual.restless) ** 2
-        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + planes + gain) * block.same_test
+        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + gain) * block.same_test
         c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
         scatter = usual.scatter**2 + self._jitter[block.rows] ** 2
@@ -182,11 +136,11 @@ class Nuisance:
         return np.asarray(c)
 
     def factored(self, hyper: Hyper) -> Factored:
-        """Factor the blocks for a grid point, and solve the nuisance effects by them; `Hyper.lens` does not matter."""
+        """Factor the blocks for some sizes, and solve the nuisance effects by them; `Hyper.lens` does not matter."""
         factors = [np.asarray(np.linalg.cholesky(self.matrix(b, hyper))) for b in self.blocks]
         blocks = Blocks([b.rows for b in self.blocks], factors)
         return Factored(blocks, Solved(blocks.solved(self._gains)), Solved(blocks.solved(self._lens_error)))
 
     def whitener(self, hyper: Hyper) -> Whitener:
-        """The covariance at one grid point."""
+        """The covariance at some sizes."""
         return self.factored(hyper).whitener(hyper.lens)

@@ -11,16 +11,13 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.families import UNREST, evenly_restless
-from analysis.explain.fit import Extra, Fit, Fitter
+from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
-from analysis.explain.noise import Hyper
 from analysis.explain.wander import Wander
 from analysis.explain.wander import sphere as _sphere
 
-MIDDLE = Hyper(2.0, 1.2, 1.0)
-"""Grid point at which starting points are compared."""
 _BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
 _STARTS = 2
 _PROMISING = 12.0
@@ -151,13 +148,12 @@ class Search:
     def beside(
         self,
         first: Hypothesis,
-        grid: tuple[Hyper, ...],
         extra: tuple[Extra, ...],
         among: dict[str, tuple[Term, ...]] | None = None,
     ) -> list[Hypothesis]:
         """Hypotheses of ``first`` and one mechanism more (of the catalogue, or ``among`` others), best first.
 
-        They are weighed with ``extra`` effects on ``grid``.
+        They are weighed with ``extra`` effects.
         """
         found = []
         for m, terms in (self._terms if among is None else among).items():
@@ -166,7 +162,7 @@ class Search:
             fits = self._fit_beside(first.fit, terms, extra)
             if not fits:
                 continue
-            self.fitter.weigh(fits, extra, grid)
+            self.fitter.weigh(fits, extra, first.fit.hyper)
             found.append(replace(self._joined(fits, len(terms)), wanders=first.wanders))
         return sorted(found, key=lambda h: -h.evidence)
 
@@ -179,10 +175,10 @@ class Search:
             if drop > _PROMISING
         ]
 
-    def reweighed(self, hypothesis: Hypothesis, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]) -> float:
+    def reweighed(self, hypothesis: Hypothesis, extra: tuple[Extra, ...]) -> float:
         """Evidence of a hypothesis' best way under extra covariance."""
         copy = replace(hypothesis.fit)
-        self.fitter.weigh([copy], extra, grid)
+        self.fitter.weigh([copy], extra)
         return copy.log_evidence
 
     def form_error(self, fit: Fit) -> tuple[Extra, ...]:
@@ -219,26 +215,22 @@ class Search:
 
     # random effects and unnamed structure
 
-    def wandering(
-        self, base: Hypothesis, wander: Wander, extra: tuple[Extra, ...], grid: tuple[Hyper, ...]
-    ) -> Hypothesis:
-        """``base`` with a random effect more: evidence averaged over its amplitudes and lengths."""
-        logs, best = [], (-np.inf, 0.0, 0.0, base.fit)
-        for length in wander.lengths:
-            for amplitude in wander.amplitudes:
-                copy = replace(base.fit)
-                self.fitter.weigh([copy], (*extra, wander.extra(self.scene, amplitude, length)), grid)
-                logs.append(copy.log_evidence)
-                if copy.log_evidence > best[0]:
-                    best = (copy.log_evidence, amplitude, length, copy)
-        evidence = float(np.logaddexp.reduce(logs) - np.log(len(logs)))
-        return Hypothesis(best[3], evidence, (*base.wanders, (wander, best[1], best[2])))
+    def wandering(self, base: Hypothesis, wander: Wander, extra: tuple[Extra, ...]) -> Hypothesis:
+        """``base`` with a random effect more: evidence averaged over its amplitudes and lengths.
 
-
-def best_hypers(fit: Fit, count: int = 4) -> tuple[Hyper, ...]:
-    """The grid points that carry most of a fit's evidence."""
-    ranked = sorted(fit.hyper_weights, key=lambda h: -fit.hyper_weights[h])
-    return tuple(ranked[:count])
+        They are compared at the sizes of ``base``, and again at those that are best with the best of them.
+        """
+        tried = [(a, x) for x in wander.lengths for a in wander.amplitudes]
+        effects = {way: (*extra, wander.extra(self.scene, *way)) for way in tried}
+        fit = base.fit
+        first = {way: self.fitter.density(fit, effects[way])(fit.hyper) for way in tried}
+        best = max(tried, key=lambda way: first[way])
+        copy = replace(fit)
+        self.fitter.weigh([copy], effects[best])
+        again = {way: self.fitter.density(fit, effects[way])(copy.hyper) for way in tried}
+        logs = np.array([again[way] for way in tried])
+        evidence = copy.log_evidence - again[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
+        return Hypothesis(copy, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))
 
 
 def _without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:

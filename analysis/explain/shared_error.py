@@ -13,8 +13,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra, Fitter
+from analysis.explain.hypers import Hyper
 from analysis.explain.nearness import nearness
-from analysis.explain.noise import GAIN_OF_SENSORS, USUAL, Hyper
+from analysis.explain.noise import GAIN_OF_SENSORS, USUAL
 from analysis.explain.readings import GONIOMETER, Readings
 from labdaq import directions
 

@@ -11,10 +11,10 @@ from analysis.explain.answer import answer
 from analysis.explain.families import CLOUD
 from analysis.explain.fit import Fitter
 from analysis.explain.heldout import deviations, rms
+from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mismatch import Explanation, explain
 from analysis.explain.next_measurement import next_measurement
-from analysis.explain.noise import Hyper
 from analysis.explain.readings import Readings
 from analysis.explain.repeats import repeats
 from analysis.explain.scene import Scene

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.explain.answer import answer
+from analysis.explain.hypers import OF_THE_SKY, lattice_of
 from analysis.explain.mismatch import explain
-from analysis.explain.noise import GRID_OF_SKY, blocks_of, grid_of
+from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import USUAL, sky_error_effects
@@ -28,7 +29,7 @@ def seen(change: Floats, seed: int = 3) -> Floats:
 def test_each_picture_is_a_block_and_the_flat_field_is_shared(tmp_path: Path) -> None:
     scene = Scene(Readings.of(sky_case(tmp_path / "case")))
     assert [len(b.rows) for b in blocks_of(scene.readings)] == [len(ZENITH)] * len(SKY_TESTS)
-    assert grid_of(scene.readings) == GRID_OF_SKY
+    assert lattice_of(scene.readings) is OF_THE_SKY
     effects = sky_error_effects(scene)
     covariance = effects @ effects.T
     assert np.sqrt(np.diag(covariance)) == pytest.approx(USUAL, rel=0.02)

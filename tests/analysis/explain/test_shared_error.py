@@ -9,8 +9,8 @@ import pytest
 from analysis.explain.answer import answer, write_json
 from analysis.explain.apply import apply_model, read_model
 from analysis.explain.fit import Fitter
+from analysis.explain.hypers import Hyper
 from analysis.explain.mismatch import explain
-from analysis.explain.noise import Hyper
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.shared_error import SharedError, shared_error
