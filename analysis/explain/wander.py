@@ -122,7 +122,7 @@ def added_in_direction(scene: Scene, degrees: float) -> Floats:
     count = len(r.case.tests)
     total = np.bincount(r.test, weights=np.abs(r.measured), minlength=count)
     mean = total / np.maximum(np.bincount(r.test, minlength=count), 1)
-    size = np.minimum(mean[r.test] / r.scale, 5.0)
+    size = np.minimum(mean[r.test] / np.hypot(r.simulated, r.floor), 5.0)  # by the reading it would follow its noise
     return np.asarray(sphere(scene, degrees) * (size * ~np.isnan(r.gamma_deg))[:, None])
 
 
