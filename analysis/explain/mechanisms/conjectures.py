@@ -106,6 +106,26 @@ class WarmingSensors(Mechanism):
         return np.asarray(values * (1.0 + p[0] * scene.remember(_place_in_scan) * scene.is_gonio))
 
 
+class TintedSensors(Mechanism):
+    """The sensors see bluish skylight and yellowish sunlight with different sensitivities."""
+
+    id = "tinted-sensors"
+    stage = Stage.SENSORS
+    leaves_out = "The sensors weigh skylight and sunlight differently, as their colour response is not the eye's."
+    parameters = (Parameter("sky_gain", "1", "relative sensitivity to the sky part", -0.6, 1.0, 0.1, (-0.1, 0.1)),)
+    needs = "sun and sky parts apart"
+    source = "S + (1+t) K, alike in all tests; CIE/ISO 19476 f1' (spectral mismatch)"
+    tie_breaker = "the same scan through a bluish and a yellowish filter"
+
+    def why_not(self, scene: Scene) -> str:
+        """The parts must be known apart."""
+        return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Weigh the sky part."""
+        light.sky_factor = light.sky_factor * (1.0 + p[0])
+
+
 def _reading_before(scene: Scene) -> Floats:
     """Index of the reading before each, of the same sensor in the same test (its own for the first); shape (N,)."""
     r = scene.readings
@@ -129,4 +149,11 @@ def _place_in_scan(scene: Scene) -> Floats:
     return place
 
 
-CONJECTURES: tuple[Mechanism, ...] = (ArmSag(), OffCentre(), SlowSensors(), WarmingSensors(), Sluggish())
+CONJECTURES: tuple[Mechanism, ...] = (
+    ArmSag(),
+    OffCentre(),
+    SlowSensors(),
+    WarmingSensors(),
+    TintedSensors(),
+    Sluggish(),
+)

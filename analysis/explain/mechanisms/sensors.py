@@ -149,10 +149,13 @@ class Saturation(Mechanism):
             0.0,
             5.0,
             0.5,
-            (0.05, 0.2, 0.6, 1.2),
+            (0.05, 0.2, 0.6, 1.2, 3.0),
         ),
     )
-    source = "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), min(y, Y) (converter's end)"
+    knee = Parameter(
+        "slope", "1", "share of the sensitivity that is left beyond", 0.0, 1.0, 0.4, (0.2, 0.6), centre=0.3
+    )
+    source = "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), min(y, Y) (converter's end), Y + s (y-Y) (amplifier's knee)"
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL
 
@@ -161,9 +164,13 @@ class Saturation(Mechanism):
         return "for roof meters this is meter-range-limit" if scene.kinds == ("roof",) else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Three forms of the end, for one kind of instrument."""
-        forms = ("gradual", "exponential", "clipped")
+        """Forms of the end, for one kind of instrument."""
+        forms = ("gradual", "exponential", "clipped", "knee")
         return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in _with_level(scene) for f in forms)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Beyond a knee, something is left."""
+        return (*self.parameters, self.knee) if branch.value[1] == "knee" else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Compress towards the end of the range."""
@@ -178,7 +185,7 @@ class Saturation(Mechanism):
         elif form == "exponential":
             read = end * -np.expm1(-share)
         else:
-            read = end * np.minimum(share, 1.0)
+            read = end * (np.minimum(share, 1.0) + (p[1] * np.maximum(share - 1.0, 0.0) if form == "knee" else 0.0))
         return np.where(acts & (values > 0), read, values)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
@@ -200,17 +207,22 @@ class CosineResponse(Mechanism):
     stage = Stage.SENSORS
     leaves_out = "The sensors' angular response is not what was assumed."
     parameters = (Parameter("error_at_90deg", "1", "relative error at gamma = 90", -0.9, 0.9, 0.08, (-0.05, 0.05)),)
-    source = "y (1 + c (1 - cos gamma)); CIE/ISO 19476 f2 (directional response)"
+    source = "y (1 + c (1 - cos gamma)^n), n = 1 or (grazing light) 2; CIE/ISO 19476 f2 (directional response)"
     tie_breaker = "a small lamp at the aperture's centre"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Losses that grow evenly, and at grazing incidence."""
+        return Branch("", 1.0), Branch("grazing light", 2.0)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Weight by the angle."""
-        law = 1.0 - np.cos(np.radians(np.nan_to_num(scene.readings.gamma_deg)))
+        law = (1.0 - np.cos(np.radians(np.nan_to_num(scene.readings.gamma_deg)))) ** branch.value
         return np.where(scene.is_gonio, values * (1.0 + p[0] * law), values)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
-        return f"The sensors read {p[0]:+.1%} at 90° against nadir, growing as 1 - cos of the angle."
+        growing = "as 1 - cos of the angle" if branch.value == 1.0 else "most at grazing angles"
+        return f"The sensors read {p[0]:+.1%} at 90° against nadir, growing {growing}."
 
 
 class ChannelGain(Mechanism):

@@ -82,12 +82,21 @@ def cut(end_cd: float) -> Truth:
     return lambda rows: np.minimum(light(rows), end_cd)
 
 
+def knee(from_cd: float, slope: float) -> Truth:
+    """Where the range bends, only a share of the rise is left."""
+    return lambda rows: np.interp(light(rows), [0.0, from_cd, 1e9], [0.0, from_cd, from_cd + slope * (1e9 - from_cd)])
+
+
 def gain(gamma_deg: float, error: float) -> Truth:
     return lambda rows: light(rows) * np.where(rows.gamma_deg == gamma_deg, 1.0 + error, 1.0)
 
 
 def cosine(error_at_90deg: float) -> Truth:
     return lambda rows: light(rows) * (1.0 + error_at_90deg * 2.0 * np.sin(np.radians(rows.gamma_deg) / 2.0) ** 2)
+
+
+def grazing(error_at_90deg: float) -> Truth:
+    return lambda rows: light(rows) * (1.0 + error_at_90deg * 4.0 * np.sin(np.radians(rows.gamma_deg) / 2.0) ** 4)
 
 
 # sun, sky and lens
@@ -102,6 +111,11 @@ def split(change: float) -> Truth:
         return _sun(rows) / (total - diffuse) * beam + _sky(rows) * (1.0 + change)
 
     return truth
+
+
+def tint(sky_gain: float) -> Truth:
+    """Sensors that weigh the sky's light otherwise than the sun's."""
+    return lambda rows: _sun(rows) + (1.0 + sky_gain) * _sky(rows)
 
 
 def entry_haze(share: float) -> Truth:

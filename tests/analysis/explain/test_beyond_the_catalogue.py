@@ -44,7 +44,10 @@ def _sagging(degrees: float) -> Truth:
     return lambda rows: light(rows, rows.gamma_deg + degrees * np.sin(np.radians(rows.gamma_deg)))
 
 
-@pytest.mark.parametrize(("truth", "law"), [(_sagging(2.5), "arm-sag"), (_lagging(0.3), "slow-sensors")])
+@pytest.mark.parametrize(
+    ("truth", "law"),
+    [(_sagging(2.5), "arm-sag"), (_lagging(0.3), "slow-sensors"), (effects.tint(0.3), "tinted-sensors")],
+)
 def test_a_law_beyond_the_catalogue_is_a_conjecture_and_no_name(truth: Truth, law: str, tmp_path: Path) -> None:
     content = answer(_explained(tmp_path, truth))
     assert content["verdict"] in {"unexplained", "partly-explained"}
