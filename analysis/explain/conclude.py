@@ -13,8 +13,9 @@ from analysis.explain.thresholds import (
     APART,
     DOUBLES,
     LEAST_EFFECT,
+    LEAST_EFFECT_FIRST,
+    MISFIT_LENS,
     MOST_MISFIT,
-    MOST_MISFIT_LENS,
     NAME_FIRST,
     NAME_FIRST_BELOW,
     NAME_FIRST_LENS,
@@ -101,6 +102,8 @@ def conclude(search: Search) -> Conclusion:
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
     few = _few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
+    if not found.one_instrument:
+        named = [h for h in named if search.least_effect(h) > LEAST_EFFECT_FIRST]
     if named:
         found.best = named[0]
         _grow(search, found)
@@ -198,7 +201,7 @@ def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     gain = max(h.evidence - nothing.evidence, 0.0)
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
-        return min(0.5 * gain, MOST_MISFIT_LENS)
+        return MISFIT_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     return min(wrong**2 * gain, MOST_MISFIT)
 
@@ -239,7 +242,8 @@ def _decide(found: Conclusion, few: float) -> None:
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT):
-        found.verdict = "partly-explained" if gain > max(found.unnamed_alone, found.law_alone) else "unexplained"
+        rival = max(found.unnamed_alone - UNNAMED, found.law_alone)
+        found.verdict = "partly-explained" if gain > rival else "unexplained"
     elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain + APART:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
@@ -278,14 +282,10 @@ def _probabilities(found: Conclusion) -> None:
     for h in found.singles:
         logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
     left = found.unnamed[0].gain if found.unnamed else 0.0
-    # what is left beside it does not speak against it; where one instrument was read it would fit beside others as well
-    shared = max(left, 0.0)
-    logs[found.best.ids] = top + (0.0 if found.one_instrument else shared)
-    logs[("unnamed",)] = (
-        found.nothing.evidence + max(found.unnamed_alone, 0.0 if found.best.ids else left) - np.log(4.0)
-    )
-    if found.best.ids and found.one_instrument:
-        logs[("unnamed",)] -= shared
+    logs[found.best.ids] = top
+    # what is left beside the named does not speak against it, and would be left beside its rivals as well
+    unnamed = max(found.unnamed_alone - max(left, 0.0), 0.0) if found.best.ids else left
+    logs[("unnamed",)] = found.nothing.evidence + unnamed - np.log(4.0)
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))
     ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])

@@ -37,7 +37,7 @@ _UNTOUCHED = 0.2
 _SIZES = (0.03, 0.10, 0.30)
 _ODD = 4.5
 """A reading this many standard deviations from what all others say of it is odd."""
-_USUAL_ODD = 25.0
+_USUAL_ODD = 45.0
 """Evidence [nats] for odd readings that a lens's images make where nothing was left out."""
 _EDGE_DEG = 0.7
 """By how much the edges of a lens's images may be misplaced [deg]."""

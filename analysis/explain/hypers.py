@@ -106,7 +106,7 @@ def _even(low: float, high: float, factor: float) -> tuple[float, ...]:
     return tuple(float(round(low * factor**k, 4)) for k in range(count))
 
 
-BELOW: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.25), _even(0.15, 12.0, 1.6))
+BELOW: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.25), _even(0.15, 2.5, 1.6))
 ON_THE_ROOF: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.3))
 """On the roof there is no lens."""
 OF_THE_SKY: Final = Lattice(_even(0.2, 6.0, 1.35), _even(0.2, 30.0, 1.35), _even(0.3, 4.0, 1.5))

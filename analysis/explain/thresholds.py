@@ -6,11 +6,11 @@ another author, neither of which shares code with the explanation (docs/explaini
 
 NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
-NAME_FIRST_BELOW = 12.0
+NAME_FIRST_BELOW = 10.0
 """The same below a skylight, where no simulated lens is quite right."""
-NAME_FIRST_RANDOM = 25.0
+NAME_FIRST_RANDOM = 20.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
-NAME_FIRST_LENS = 28.0
+NAME_FIRST_LENS = 24.0
 """The same for what looks like a lens simulated a little wrong."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
@@ -26,14 +26,16 @@ NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
 MOST_MISFIT = 40.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
-MOST_MISFIT_LENS = 200.0
-"""The same of what is done to a lens: that of another lens is taken for that of ours, half of which may be wrong."""
+MISFIT_LENS = 0.5
+"""Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""
+LEAST_EFFECT_FIRST = 0.005
+"""The same for a first one below a skylight: smaller effects are the chance likeness of a lens's error."""
 APART = 3.0
 """Hypotheses closer than this are not told apart."""
-SURE = 0.8
+SURE = 0.85
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
 RELIABLE = 0.97
 """Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
