@@ -23,6 +23,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND,
     NAME_SECOND_LENS,
     NAME_SECOND_RANDOM,
+    NAMELESS,
     RELIABLE,
     SHOWN,
     SURE,
@@ -285,7 +286,7 @@ def _probabilities(found: Conclusion) -> None:
     logs[found.best.ids] = top
     # what is left beside the named does not speak against it, and would be left beside its rivals as well
     unnamed = max(found.unnamed_alone - max(left, 0.0), 0.0) if found.best.ids else left
-    logs[("unnamed",)] = found.nothing.evidence + unnamed - np.log(4.0)
+    logs[("unnamed",)] = found.nothing.evidence + unnamed - NAMELESS
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))
     ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])

@@ -37,6 +37,8 @@ APART = 3.0
 """Hypotheses closer than this are not told apart."""
 SURE = 0.85
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
+NAMELESS = 8.0
+"""By so much a smooth function of nobody's making must beat the laws that it can imitate."""
 RELIABLE = 0.97
 """Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
 DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
