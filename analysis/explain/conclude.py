@@ -12,6 +12,7 @@ from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     APART,
     DOUBLES,
+    IMITATION,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     MISFIT_LENS,
@@ -240,12 +241,12 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
 def _decide(found: Conclusion, few: float) -> None:
     left = found.unnamed[0].gain if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
+    imitated = found.unnamed_alone > IMITATION * gain + UNNAMED
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
     elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT):
-        rival = max(found.unnamed_alone - UNNAMED, found.law_alone)
-        found.verdict = "partly-explained" if gain > rival else "unexplained"
-    elif found.unnamed_alone > gain + UNNAMED or found.law_alone > gain + APART:
+        found.verdict = "unexplained" if imitated or found.law_alone > gain else "partly-explained"
+    elif imitated or found.law_alone > gain + APART:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"

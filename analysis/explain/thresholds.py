@@ -14,13 +14,13 @@ NAME_FIRST_LENS = 24.0
 """The same for what looks like a lens simulated a little wrong."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
-NAME_SECOND = 18.0
+NAME_SECOND = 11.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
 UNNAMED = 20.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
-NAME_SECOND_LENS = 32.0
+NAME_SECOND_LENS = 28.0
 """The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
@@ -37,6 +37,8 @@ APART = 3.0
 """Hypotheses closer than this are not told apart."""
 SURE = 0.85
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
+IMITATION = 1.25
+"""A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
 NAMELESS = 8.0
 """By so much a smooth function of nobody's making must beat the laws that it can imitate."""
 RELIABLE = 0.97

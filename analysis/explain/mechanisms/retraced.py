@@ -211,6 +211,7 @@ class Soiling(Mechanism):
         "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; Martin and Ruiz "
         "2001, Sol. Energy Mater. 70"
     )
+    form_error = 0.2  # dirt is not even, nor alike at all angles
     tie_breaker = "the same sky before and after cleaning"
 
     def why_not(self, scene: Scene) -> str:
