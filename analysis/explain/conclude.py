@@ -15,6 +15,7 @@ from analysis.explain.thresholds import (
     IMITATION,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
+    LEAST_ROUGH,
     MISFIT_LENS,
     MOST_MISFIT,
     NAME_FIRST,
@@ -26,6 +27,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_RANDOM,
     NAMELESS,
     RELIABLE,
+    ROUGH,
     SHOWN,
     SURE,
     TEMPER,
@@ -241,11 +243,13 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
 def _decide(found: Conclusion, few: float) -> None:
     left = found.unnamed[0].gain if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
-    imitated = found.unnamed_alone > IMITATION * gain + UNNAMED
+    imitation = 1.0 if found.one_instrument else IMITATION
+    imitated = found.unnamed_alone > imitation * gain + UNNAMED
     if not found.best.ids:
-        found.verdict = "unexplained" if left > few * UNNAMED_ALONE else "no-mismatch"
-    elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT):
-        found.verdict = "unexplained" if imitated or found.law_alone > gain else "partly-explained"
+        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or _rough(found) else "no-mismatch"
+    elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT) or _rough(found):
+        wrong = imitated or found.law_alone > gain or (_rough(found) and gain < LEAST_ROUGH)
+        found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + APART:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
@@ -255,6 +259,12 @@ def _decide(found: Conclusion, few: float) -> None:
     _probabilities(found)
     if found.best.ids and _sure(found) < SURE:
         found.verdict = "unexplained"
+
+
+def _rough(found: Conclusion) -> bool:
+    """Whether what is left below a skylight is larger or rougher than simulations usually leave."""
+    hyper = found.best.fit.hyper
+    return not found.one_instrument and (hyper.shape > ROUGH.shape or hyper.scatter > ROUGH.scatter)
 
 
 def _sure(found: Conclusion) -> float:

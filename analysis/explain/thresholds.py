@@ -4,6 +4,8 @@ They were set on worlds in which nothing was left out and on pairs, made by the 
 another author, neither of which shares code with the explanation (docs/explaining.md, "How well it does").
 """
 
+from analysis.explain.hypers import Hyper
+
 NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_BELOW = 10.0
@@ -39,6 +41,10 @@ SURE = 0.85
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
+ROUGH = Hyper(3.0, 2.8)
+"""A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
+LEAST_ROUGH = 30.0
+"""A name beside so much that is left must gain this."""
 NAMELESS = 8.0
 """By so much a smooth function of nobody's making must beat the laws that it can imitate."""
 RELIABLE = 0.97

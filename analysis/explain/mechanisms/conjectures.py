@@ -61,6 +61,30 @@ class OffCentre(Mechanism):
         light.sun_factor, light.sky_factor = light.sun_factor * nearer, light.sky_factor * nearer
 
 
+class Backlash(Mechanism):
+    """The arm's play: its plane is off by half of it, to the side that it comes from."""
+
+    id = "backlash"
+    stage = Stage.GONIOMETER
+    leaves_out = "The arm has play: its horizontal angle lags behind, to the side that it came from."
+    parameters = (Parameter("play_deg", "deg", "play of the horizontal axis", -8.0, 8.0, 1.5, (-1.5, 1.5)),)
+    needs = "times of the records, and planes taken in both senses of turning"
+    source = "I(gamma, C - d/2 in the sense of turning); hysteresis of a gear"
+    tie_breaker = "the same plane reached from both sides"
+
+    def why_not(self, scene: Scene) -> str:
+        """The sense of turning must be known, and must change."""
+        if not scene.readings.has_times:
+            return "the records carry no time"
+        senses = scene.remember(_sense_of_turning)[scene.is_gonio]
+        return "" if np.any(senses > 0) and np.any(senses < 0) else "the arm always turned the same way"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Sample the fields where the arm really was."""
+        light.c_deg = light.c_deg - 0.5 * p[0] * scene.remember(_sense_of_turning)
+        light.moved = True
+
+
 class SlowSensors(Mechanism):
     """The sensors remember what they saw before."""
 
@@ -138,6 +162,23 @@ def _reading_before(scene: Scene) -> Floats:
     return before.astype(np.float64)
 
 
+def _sense_of_turning(scene: Scene) -> Floats:
+    """1 where the arm came to a plane with C growing, -1 where with C falling; shape (N,)."""
+    r = scene.readings
+    sense = np.zeros(len(r))
+    for k in np.unique(r.test[scene.is_gonio]):
+        rows = np.flatnonzero((r.test == k) & scene.is_gonio)
+        rows = rows[np.argsort(r.utc_ns[rows], kind="stable")]
+        step = np.diff(r.c_deg[rows], prepend=r.c_deg[rows[0]])
+        step = np.where(np.abs(step) > 180.0, -step, step)  # over the north
+        moved = np.where(np.abs(step) > 0.01, np.arange(len(step)), -1)
+        last = np.maximum.accumulate(moved)
+        first = moved[moved >= 0][:1]
+        turned = np.where(last >= 0, last, first[0] if len(first) else 0)
+        sense[rows] = np.sign(step[turned])
+    return sense
+
+
 def _place_in_scan(scene: Scene) -> Floats:
     """Time within each test, from -1/2 to 1/2; shape (N,)."""
     r = scene.readings
@@ -152,6 +193,7 @@ def _place_in_scan(scene: Scene) -> Floats:
 CONJECTURES: tuple[Mechanism, ...] = (
     ArmSag(),
     OffCentre(),
+    Backlash(),
     SlowSensors(),
     WarmingSensors(),
     TintedSensors(),

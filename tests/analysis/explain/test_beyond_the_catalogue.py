@@ -1,5 +1,6 @@
 """What lies beyond the catalogue is said to be so, and what is found can be put into a simulation."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,15 @@ from analysis.explain.families import CLOUD
 from analysis.explain.fit import Fitter
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.hypers import Hyper
-from analysis.explain.mechanisms.base import predict
+from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mismatch import Explanation, explain
 from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings
 from analysis.explain.repeats import repeats
 from analysis.explain.scene import Scene
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import Floats, Rows, Truth, light, make_case
+from tests.analysis.explain.campaign import TESTS, Floats, Rows, Truth, light, make_case, rows_of
 
 
 def _explained(folder: Path, truth: Truth) -> Explanation:
@@ -53,6 +55,26 @@ def test_a_law_beyond_the_catalogue_is_a_conjecture_and_no_name(truth: Truth, la
     assert content["verdict"] in {"unexplained", "partly-explained"}
     assert law in _conjectures(content)
     assert law not in [m["id"] for m in content["mechanisms"]]
+
+
+def test_play_acts_to_the_side_that_the_arm_comes_from(arm: Scene) -> None:
+    """Every other plane on the way out, the others on the way back."""
+    r = arm.readings
+    plane = np.round(r.c_deg / 22.5).astype(np.int64)
+    out = plane % 2 == 0
+    began = np.array([r.utc_ns[r.test == k].min() for k in range(len(r.case.tests))])[r.test]
+    utc_ns = began + np.where(out, plane, 100 - plane) * 4_000_000_000
+    scene = replace(arm, readings=replace(r, utc_ns=utc_ns), memory={})
+    law = next(m for m in CONJECTURES if m.id == "backlash")
+    assert law.why_not(scene) == ""
+    assert law.why_not(arm) == "the arm always turned the same way"
+    (term,) = terms_of(law, scene)
+    made = predict(scene, (term,), np.array([3.0]))
+    rows = rows_of(TESTS)
+    growing = out | (plane == 15)  # the last one is reached from below
+    exact = light(rows, None, rows.c_deg + np.where(growing, -1.5, 1.5))
+    top = np.array([exact[rows.test == k].max() for k in range(len(TESTS))])[rows.test]
+    assert np.max(np.abs(made - exact) / np.hypot(exact, 0.02 * top)) < 0.01
 
 
 def test_readings_that_stand_alone_are_not_explained(tmp_path: Path) -> None:
