@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from analysis.cases.read import COLUMNS
-from analysis.explain.conclude import Unnamed
 from analysis.explain.fit import Fit
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mismatch import Explanation
 from analysis.explain.next_measurement import next_measurement
+from analysis.explain.verdict import Unnamed
 from labdaq.clock import utc_text
 from labdaq.whole_file import write_whole_bytes
 

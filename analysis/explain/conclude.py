@@ -1,23 +1,16 @@
 """From evidence to a conclusion: which mechanisms are named, how surely, and what stays unnamed."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
+from analysis.cases.model import Floats
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
-from analysis.explain.fit import Extra, posterior_covariance
-from analysis.explain.mechanisms.base import Term
+from analysis.explain.fit import Extra, Fit, posterior_covariance
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
-    APART,
-    DOUBLES,
-    IMITATION,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
-    LEAST_ROUGH,
-    MISFIT_LENS,
-    MOST_MISFIT,
+    LIKE_THE_BEST,
     NAME_FIRST,
     NAME_FIRST_BELOW,
     NAME_FIRST_LENS,
@@ -25,76 +18,9 @@ from analysis.explain.thresholds import (
     NAME_SECOND,
     NAME_SECOND_LENS,
     NAME_SECOND_RANDOM,
-    NAMELESS,
-    RELIABLE,
-    ROUGH,
     SHOWN,
-    SURE,
-    TEMPER,
-    UNNAMED,
-    UNNAMED_ALONE,
 )
-
-
-@dataclass(frozen=True)
-class Unnamed:
-    """Structure that no catalogued mechanism explains.
-
-    Attributes
-    ----------
-    along
-        What it varies with, in words; the id of a conjecture.
-    gain
-        Nats of log evidence.
-    size
-        Its amplitude (relative), or the conjecture's last parameter.
-    conjecture
-        A law that fits it, of physics beyond the catalogue.
-    """
-
-    along: str
-    gain: float
-    size: float
-    conjecture: Term | None = None
-
-
-@dataclass
-class Conclusion:
-    """What the search came to.
-
-    Attributes
-    ----------
-    best
-        The accepted hypothesis (may be "nothing").
-    nothing, singles
-        What it was compared with; singles are sorted, best first.
-    unnamed
-        Unnamed structure that still gains beside the best, largest gain first.
-    unnamed_alone
-        Best gain of an unnamed family without any named mechanism [nats].
-    one_instrument
-        Whether only a meter or a camera was read, no goniometer.
-    law_alone
-        The same of a law that is not in the catalogue.
-    contradicted, shown
-        Random effects that repeated readings speak against (and how), and those that they show by themselves.
-    """
-
-    best: Hypothesis
-    nothing: Hypothesis
-    singles: list[Hypothesis]
-    verdict: str = "no-mismatch"
-    probability: dict[str, float] = field(default_factory=dict)
-    alternatives: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
-    indistinguishable: list[tuple[str, str]] = field(default_factory=list)
-    unnamed: list[Unnamed] = field(default_factory=list)
-    unnamed_alone: float = 0.0
-    law_alone: float = -np.inf
-    one_instrument: bool = False
-    seconds: list[Hypothesis] = field(default_factory=list)
-    trail: list[str] = field(default_factory=list)
-    contradicted: dict[str, str] = field(default_factory=dict)
-    shown: set[str] = field(default_factory=set)
+from analysis.explain.verdict import Conclusion, Unnamed, decide, misfit, stands_out
 
 
 def conclude(search: Search) -> Conclusion:
@@ -112,7 +38,7 @@ def conclude(search: Search) -> Conclusion:
         found.best = named[0]
         _grow(search, found)
     _look_for_unnamed(search, found)
-    _decide(found, few)
+    decide(found, few)
     if found.best.ids:
         _widen(search, found)
     return found
@@ -138,6 +64,21 @@ def _widen(search: Search, found: Conclusion) -> None:
     random = tuple(w.extra(search.scene, a, x) for w, a, x in found.best.wanders)
     whitener = search.fitter.whitener(fit.hyper, (*search.form_error(fit), *random))
     fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
+    if len(fit.ids) == 1:
+        fit.covariance = fit.covariance + _between_ways(fit, found)
+
+
+def _between_ways(fit: Fit, found: Conclusion) -> Floats:
+    """Covariance (P, P) for what another way of modelling the same mechanism says, if that also explains much."""
+    least = LIKE_THE_BEST * (fit.log_evidence - found.nothing.evidence)
+    ways = next((h.ways for h in found.singles if h.ids == fit.ids), [])
+    names = [p.name for p in fit.parameters]
+    alike = [
+        w.theta - fit.theta
+        for w in ways
+        if [p.name for p in w.parameters] == names and w.log_evidence - found.nothing.evidence > least
+    ]
+    return 0.5 * np.diag(np.max(np.square(alike), axis=0)) if alike else np.zeros((len(names), len(names)))
 
 
 def _wandering_beside(
@@ -187,10 +128,10 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else NAME_SECOND
-    needed += _misfit(base, found.nothing)
+    needed += misfit(base, found.nothing)
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
-    if not _stands_out(best, base, candidates):
+    if not stands_out(best, base, candidates):
         return None
     best.evidence = base.evidence + gain
     return gain, best
@@ -199,15 +140,6 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
 def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
     """Whether what ``h`` adds to ``base`` looks like a lens simulated a little wrong."""
     return any(t.mechanism.like_a_lens for t in h.fit.terms if t.mechanism.id not in base.ids)
-
-
-def _misfit(h: Hypothesis, nothing: Hypothesis) -> float:
-    """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
-    gain = max(h.evidence - nothing.evidence, 0.0)
-    if any(t.mechanism.like_a_lens for t in h.fit.terms):
-        return MISFIT_LENS * gain
-    wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
-    return min(wrong**2 * gain, MOST_MISFIT)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:
@@ -238,73 +170,3 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
         law = h.fit.terms[-1]
         found.append(Unnamed(law.mechanism.id, h.evidence - alone, float(h.fit.theta[-1]), law))
     return sorted(found, key=lambda u: -u.gain)
-
-
-def _decide(found: Conclusion, few: float) -> None:
-    left = found.unnamed[0].gain if found.unnamed else 0.0
-    gain = found.best.evidence - found.nothing.evidence
-    imitation = 1.0 if found.one_instrument else IMITATION
-    imitated = found.unnamed_alone > imitation * gain + UNNAMED
-    if not found.best.ids:
-        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or _rough(found) else "no-mismatch"
-    elif left > UNNAMED + min(_misfit(found.best, found.nothing), MOST_MISFIT) or _rough(found):
-        wrong = imitated or found.law_alone > gain or (_rough(found) and gain < LEAST_ROUGH)
-        found.verdict = "unexplained" if wrong else "partly-explained"
-    elif imitated or found.law_alone > gain + APART:
-        found.verdict = "unexplained"
-    elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
-        found.verdict = "partly-explained"
-    else:
-        found.verdict = "explained"
-    _probabilities(found)
-    if found.best.ids and _sure(found) < SURE:
-        found.verdict = "unexplained"
-
-
-def _rough(found: Conclusion) -> bool:
-    """Whether what is left below a skylight is larger or rougher than simulations usually leave."""
-    hyper = found.best.fit.hyper
-    return not found.one_instrument and (hyper.shape > ROUGH.shape or hyper.scatter > ROUGH.scatter)
-
-
-def _sure(found: Conclusion) -> float:
-    """Probability of the first named mechanism, or of its double."""
-    first = found.best.ids[0]
-    alike = sum(p for ids, p in found.alternatives if len(ids) == 1 and _double(ids[0], first))
-    return found.probability[first] + alike
-
-
-def _double(one: str, other: str) -> bool:
-    return any({one, other} <= pair for pair in DOUBLES)
-
-
-def _stands_out(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis]) -> bool:
-    """Whether what ``best`` adds to ``base`` is surely the one, among all that could be added."""
-    odds = np.array([(h.evidence - best.evidence) / TEMPER for h in candidates])
-    share = np.exp(odds - np.logaddexp.reduce(odds))
-    (new,) = set(best.ids) - set(base.ids)
-    others = [next(iter(set(h.ids) - set(base.ids))) for h in candidates]
-    return float(sum(s for m, s in zip(others, share, strict=True) if m == new or _double(m, new))) > SURE
-
-
-def _probabilities(found: Conclusion) -> None:
-    """Posterior over nothing, singles, the accepted set, and unnamed structure; tempered."""
-    top = found.best.evidence
-    logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
-    for h in found.singles:
-        logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
-    left = found.unnamed[0].gain if found.unnamed else 0.0
-    logs[found.best.ids] = top
-    # what is left beside the named does not speak against it, and would be left beside its rivals as well
-    unnamed = max(found.unnamed_alone - max(left, 0.0), 0.0) if found.best.ids else left
-    logs[("unnamed",)] = found.nothing.evidence + unnamed - NAMELESS
-    values = np.array([v / TEMPER for v in logs.values()])
-    share = np.exp(values - np.logaddexp.reduce(values))
-    ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])
-    for m in found.best.ids:
-        found.probability[m] = RELIABLE * float(sum(s for ids, s in ranked if m in ids))
-    found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
-    if found.best.ids and len(found.best.ids) == 1:
-        for h in found.singles[1:]:
-            if h.ids != found.best.ids and found.singles[0].evidence - h.evidence < APART:
-                found.indistinguishable.append((found.best.ids[0], h.ids[0]))

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.again import Again, simulated_again
-from analysis.explain.conclude import Conclusion, conclude
+from analysis.explain.conclude import conclude
 from analysis.explain.fit import Fitter
 from analysis.explain.forensics import forensics
 from analysis.explain.heldout import HeldOut, deviations, held_out, rms
@@ -20,6 +20,7 @@ from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
+from analysis.explain.verdict import Conclusion
 
 LOOKING = Hyper(1.0, 1.0, 0.4)
 """Size of the usual nuisances, when it is asked where (not why) something differs."""
