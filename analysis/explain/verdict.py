@@ -150,7 +150,8 @@ def _probabilities(found: Conclusion) -> None:
     left = found.unnamed[0].gain if found.unnamed else 0.0
     logs[found.best.ids] = top
     # what is left beside the named does not speak against it, and would be left beside its rivals as well
-    unnamed = max(found.unnamed_alone - max(left, 0.0), 0.0) if found.best.ids else left
+    imitation = 1.0 if found.one_instrument else IMITATION
+    unnamed = max(found.unnamed_alone / imitation - max(left, 0.0), 0.0) if found.best.ids else left
     logs[("unnamed",)] = found.nothing.evidence + unnamed - NAMELESS
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))

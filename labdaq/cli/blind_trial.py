@@ -17,6 +17,7 @@ KINDS = ("goniometer", "roof", "camera")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for cases, answers and score.")
 @click.option("--kinds", default=",".join(KINDS), show_default=True, help="Kinds of channel, with commas.")
 @click.option("--contents", default="", help="Shares of contents, e.g. null=1,single=2 (null, single, pair, open).")
+@click.option("--designs", default="", help="Skylights to make cases with, with commas; all of the stock by default.")
 @click.option("--workers", default=1, show_default=True, type=click.IntRange(1), help="Cases at a time.")
 @click.option("--limit", default=600.0, show_default=True, help="Longest time for one answer [s].")
 @click.option("--rays", default=None, type=click.IntRange(1000), help="Rays per sun for skylights not traced yet.")
@@ -30,6 +31,7 @@ def command(
     out: Path | None,
     kinds: str,
     contents: str,
+    designs: str,
     workers: int,
     limit: float,
     rays: int | None,
@@ -56,13 +58,13 @@ def command(
             raise click.UsageError("--only-cases and --score need --out")
         out = Path(tempfile.mkdtemp(prefix="labdaq-trial-"))
     shares = _shares(contents)
-    about: dict[str, object] = {"n": count, "seed": seed, "kinds": list(chosen), "contents": shares}
+    about: dict[str, object] = {"n": count, "seed": seed, "kinds": list(chosen), "contents": shares, "designs": designs}
     if existing:
         if not (out / "truth").is_dir():
             raise DataError(f"{out}: no folder truth/ to score against", "give the --out of a trial")
         found = trial.existing(out)
     else:
-        orders = plan(count, seed, chosen, shares, withhold=not no_withheld)
+        orders = plan(count, seed, chosen, shares, not no_withheld, _designs(designs))
         workshop = trial.Workshop(out.resolve(), Program(limit_s=limit, cache=out.resolve() / "cache"), workers, rays)
         if only_cases:
             for k, name in enumerate(trial.only_cases(orders, workshop)):
@@ -77,6 +79,15 @@ def command(
     text = trial.write_score(found, out, about)
     click.echo(json.dumps(json.loads((out / "trial.json").read_text()), indent=1) if as_json else text)
     click.echo(f"written to {out}", err=True)
+
+
+def _designs(text: str) -> tuple[str, ...]:
+    from simulators.trial.stock import DESIGNS
+
+    named = tuple(text.split(",")) if text else ()
+    if not set(named) <= set(DESIGNS):
+        raise click.BadParameter(f"designs are {', '.join(DESIGNS)}, not {text}", param_hint="--designs")
+    return named
 
 
 def _shares(text: str) -> dict[str, float] | None:
