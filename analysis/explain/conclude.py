@@ -8,6 +8,7 @@ from analysis.explain.fit import Extra, Fit, posterior_covariance
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
+    APART,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
@@ -64,7 +65,7 @@ def _widen(search: Search, found: Conclusion) -> None:
     random = tuple(w.extra(search.scene, a, x) for w, a, x in found.best.wanders)
     whitener = search.fitter.whitener(fit.hyper, (*search.form_error(fit), *random))
     fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
-    if len(fit.ids) == 1:
+    if len(fit.terms) == 1 and fit.terms[0].mechanism.modelled_twice:
         fit.covariance = fit.covariance + _between_ways(fit, found)
 
 
@@ -133,6 +134,9 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         return None
     if not stands_out(best, base, candidates):
         return None
+    (new,) = set(best.ids) - set(base.ids)
+    rivals = [h.ids[-1] for h in candidates if h is not best and h.evidence > best.evidence - APART]
+    best.tied = base.tied + tuple((new, other) for other in rivals)
     best.evidence = base.evidence + gain
     return gain, best
 

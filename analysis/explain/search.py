@@ -36,12 +36,15 @@ class Hypothesis:
         Random effects in it, with amplitude and length that carry most of the evidence.
     evidence
         Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
+    tied
+        Mechanisms added to others, and what could stand in their place.
     """
 
     fit: Fit
     evidence: float
     wanders: tuple[tuple[Wander, float, float], ...] = ()
     ways: list[Fit] = field(default_factory=list)
+    tied: tuple[tuple[str, str], ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:

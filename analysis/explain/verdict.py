@@ -159,7 +159,14 @@ def _probabilities(found: Conclusion) -> None:
     for m in found.best.ids:
         found.probability[m] = RELIABLE * float(sum(s for ids, s in ranked if m in ids))
     found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
-    if found.best.ids and len(found.best.ids) == 1:
-        for h in found.singles[1:]:
-            if h.ids != found.best.ids and found.singles[0].evidence - h.evidence < APART:
-                found.indistinguishable.append((found.best.ids[0], h.ids[0]))
+    found.indistinguishable += [*_like_the_first(found), *found.best.tied]
+
+
+def _like_the_first(found: Conclusion) -> list[tuple[str, str]]:
+    """The first name, and what would do as well in its place; beside others, only its doubles."""
+    ids = found.best.ids
+    alone = [h for h in found.singles if h.ids == ids[:1]]
+    if not alone:
+        return []
+    near = [h for h in found.singles if h.ids not in ((), ids[:1]) and alone[0].evidence - h.evidence < APART]
+    return [(ids[0], h.ids[0]) for h in near if len(ids) == 1 or _double(ids[0], h.ids[0])]

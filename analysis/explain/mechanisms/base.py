@@ -76,7 +76,8 @@ class Mechanism:
     ``needs`` (what a case must bring), ``source`` (paper, standard, manual), ``tie_breaker`` (a cheap measurement
     that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
     formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``like_a_lens`` (its effect
-    looks like that of a lens simulated a little wrong, which every lens is).
+    looks like that of a lens simulated a little wrong, which every lens is), ``modelled_twice`` (its ways are models of
+    one and the same thing).
     """
 
     id: ClassVar[str]
@@ -90,6 +91,7 @@ class Mechanism:
     random: ClassVar[bool] = False
     form_error: ClassVar[float] = 0.08
     like_a_lens: ClassVar[bool] = False
+    modelled_twice: ClassVar[bool] = False
 
     def why_not(self, scene: Scene) -> str:
         """Why this case cannot be tried for the mechanism; empty when it can."""

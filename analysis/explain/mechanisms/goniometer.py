@@ -35,6 +35,7 @@ class NearField(Mechanism):
         ),
     )
     needs = "goniometer distance; aperture of each system"
+    modelled_twice = True
     source = (
         "E = ∫ L cos cos / l² dA over the aperture; the five-times rule (report ch. 1); own "
         "re-simulation where possible"

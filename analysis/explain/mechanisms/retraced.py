@@ -166,6 +166,7 @@ class LensOrientation(_Retraced):
         ),
     )
     needs = "a variant, or the systems' description, or the sun's angles"
+    modelled_twice = True
     source = (
         "re-simulation; small turns also as a turn of the sun's image about its middle; report test 15 and chapter 9"
     )

@@ -37,6 +37,7 @@ class ClockOffset(Mechanism):
     narrow = Parameter(
         "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
     )
+    modelled_twice = True
     source = "S(t + d), under a steady sky or as the series itself went on; sun by NREL SPA (Reda and Andreas 2004)"
     tie_breaker = "log the time of each reading on both clocks"
     kinds = ("goniometer", "roof", "sky")

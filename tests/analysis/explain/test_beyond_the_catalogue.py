@@ -77,6 +77,16 @@ def test_play_acts_to_the_side_that_the_arm_comes_from(arm: Scene) -> None:
     assert np.max(np.abs(made - exact) / np.hypot(exact, 0.02 * top)) < 0.01
 
 
+def test_the_double_of_a_second_name_is_told(tmp_path: Path) -> None:
+    """A turned arm is found beside an offset; whether that is of the sensors or of the room, nobody can tell."""
+    turned = effects.c_offset(6.0)
+    content = answer(_explained(tmp_path, lambda rows: turned(rows) + 25.0))
+    named = {m["id"] for m in content["mechanisms"]}
+    assert "c-offset" in named
+    assert len(named & {"dark-offset", "stray-light"}) == 1
+    assert {"dark-offset", "stray-light"} in [set(pair) for pair in content["indistinguishable"]]
+
+
 def test_readings_that_stand_alone_are_not_explained(tmp_path: Path) -> None:
     def glint(rows: Rows) -> Floats:
         spots = (rows.gamma_deg == 55.0) & (np.abs(rows.c_deg - 67.5) < 1.0) & (rows.test % 3 == 0)
