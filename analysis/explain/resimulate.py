@@ -309,7 +309,7 @@ class _Tracing:
         yield Path("own re-simulation", limit_of, at, sun, sky, added=True)
 
     def _reflectances(self) -> Iterator[Path]:
-        """One path for each system: its wall reflects more or less than described."""
+        """One path for each system: its wall reflects more or less than described; and one for all alike."""
         for name, run in self._runs.items():
             assumed = run.system.wall.reflectance
             tried = sorted({min(max(assumed + d, 0.05), 0.998) for d in REFLECTANCES} | {assumed})
@@ -321,6 +321,24 @@ class _Tracing:
             parameter = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
             sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
             yield Path(name, parameter, np.array(tried), sun, sky, geometric=True)
+
+        if len(self._runs) > 1:
+            yield self._all_walls()
+
+    def _all_walls(self) -> Path:
+        """The walls of all systems reflect more or less by the same amount."""
+        tried = sorted({*REFLECTANCES, 0.0})
+        fields = []
+        for d in tried:
+            runs = self._runs.items()
+            bounded = {n: min(max(run.system.wall.reflectance + d, 0.05), 0.998) for n, run in runs}
+            fields.append(
+                self._over_base({n: self._as_predicted(run.again(wall_reflectance=bounded[n])) for n, run in runs})
+            )
+        what = "change of the reflectance of all wells"
+        change = Parameter("change", "1", what, tried[0], tried[-1], 0.05, (-0.1, -0.03, 0.02))
+        sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
+        return Path("all systems alike", change, np.array(tried), sun, sky, geometric=True)
 
     def _with(self, name: str, parts: Parts) -> dict[str, Parts]:
         return {n: self._as_predicted(run.baseline) for n, run in self._runs.items()} | {name: parts}

@@ -121,6 +121,12 @@ class Scene:
         return bool(r.has_parts and np.all(np.isfinite(r.altitude_deg)) and np.all(np.isfinite(r.azimuth_deg)))
 
     @cached_property
+    def interpolated(self) -> bool:
+        """Whether some test's fields are interpolated from the records, as the case brings no file for it."""
+        tests = np.unique(self.readings.test[self.is_gonio])
+        return any(self.readings.case.tests[k].simulated is None for k in tests)
+
+    @cached_property
     def sun_vectors(self) -> Floats:
         """Unit vectors to the sun in each test; shape (T, 3)."""
         return directions.sky_vector(self.readings.altitude_deg, self.readings.azimuth_deg)

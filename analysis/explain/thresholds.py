@@ -26,7 +26,7 @@ NAME_SECOND_LENS = 28.0
 """The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
-MOST_MISFIT = 40.0
+MOST_MISFIT = 20.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
 MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""

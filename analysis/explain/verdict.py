@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     APART,
@@ -63,6 +64,8 @@ class Conclusion:
         Whether only a meter or a camera was read, no goniometer.
     law_alone
         The same of a law that is not in the catalogue.
+    considered
+        Further sets of names with their evidence, less what a name more has to bring.
     contradicted, shown
         Random effects that repeated readings speak against (and how), and those that they show by themselves.
     """
@@ -79,6 +82,7 @@ class Conclusion:
     law_alone: float = -np.inf
     one_instrument: bool = False
     seconds: list[Hypothesis] = field(default_factory=list)
+    considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     trail: list[str] = field(default_factory=list)
     contradicted: dict[str, str] = field(default_factory=dict)
     shown: set[str] = field(default_factory=set)
@@ -135,7 +139,7 @@ def stands_out(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis])
 def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     gain = max(h.evidence - nothing.evidence, 0.0)
-    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+    if any(t.mechanism.like_a_lens and isinstance(t.branch.value, Path) for t in h.fit.terms):
         return MISFIT_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     return min(wrong**2 * gain, MOST_MISFIT)
@@ -147,6 +151,8 @@ def _probabilities(found: Conclusion) -> None:
     logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
     for h in found.singles:
         logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
+    for ids, evidence in found.considered:
+        logs[ids] = max(evidence, logs.get(ids, -np.inf))
     left = found.unnamed[0].gain if found.unnamed else 0.0
     logs[found.best.ids] = top
     # what is left beside the named does not speak against it, and would be left beside its rivals as well

@@ -23,6 +23,10 @@ def _near_matrix(shape: str, size: tuple[float, ...], distance_m: float) -> spar
     return near_field_matrix(aperture, distance_m)
 
 
+_INTERPOLATED = 0.25
+"""Form error of a turn where the prediction is known at the sensors' nominal directions alone: sharp images dull."""
+
+
 class NearField(Mechanism):
     """The sensors are not infinitely far away: each sees the aperture's parts under different angles."""
 
@@ -104,6 +108,10 @@ class GammaOffset(Mechanism):
     source = "I(gamma + d, C)"
     tie_breaker = "a spirit level on the arm"
 
+    def form_error_in(self, scene: Scene) -> float:
+        """Between recorded directions the light is only interpolated."""
+        return _INTERPOLATED if scene.interpolated else self.form_error
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields elsewhere."""
         light.gamma_deg = light.gamma_deg + p[0]
@@ -133,6 +141,10 @@ class COffset(Mechanism):
     )
     source = "I(gamma, C + d)"
     tie_breaker = "a lamp in a known direction, or a compass and the magnetic declination"
+
+    def form_error_in(self, scene: Scene) -> float:
+        """Between recorded directions the light is only interpolated."""
+        return _INTERPOLATED if scene.interpolated else self.form_error
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields elsewhere."""

@@ -56,6 +56,16 @@ class _Retraced(Mechanism):
         return f"{self.leaves_out.rstrip('.')} ({branch.label}: {q.name} = {p[0] * q.per_unit:.3g} {q.unit})."
 
 
+def systems_on_the_arm(scene: Scene) -> dict[int, str]:
+    """Index and name of the systems that the arm was under."""
+    r = scene.readings
+    seen = np.unique(r.system[np.unique(r.test[scene.is_gonio])])
+    return {int(k): next(t.system or "" for t, s in zip(r.case.tests, r.system, strict=True) if s == k) for k in seen}
+
+
+_DOME_SLANT = 1.3
+"""Mean path through a shallow dome's pane over the straight one, of a sun 20 to 70° high."""
+
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
 )
@@ -95,11 +105,14 @@ class LensHaze(_Retraced):
         return ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Scatter at the entry, at the exit, or as re-simulated."""
-        ways = [Branch("exit lens", "exit"), Branch("exit lens, evenly to all sides", "even")]
-        if scene.knows_split:
-            ways.insert(0, Branch("entry lens", "entry"))
-        return (*ways, *super().branches(scene))
+        """Scatter at the entry, at the exit, or as re-simulated; in all systems, or in one of them."""
+        ways = {"entry lens": "entry"} if scene.knows_split else {}
+        ways |= {"exit lens": "exit", "exit lens, evenly to all sides": "even"}
+        names = list(systems_on_the_arm(scene).values())
+        alone = names if len(names) > 1 else []
+        every = [Branch(label, where) for label, where in ways.items()]
+        one = [Branch(f"{label}, {n} only", f"{where}:{n}") for label, where in ways.items() for n in alone]
+        return (*every, *one, *super().branches(scene))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Closed forms have the haze itself."""
@@ -110,15 +123,17 @@ class LensHaze(_Retraced):
         if not isinstance(branch.value, str):
             super().illuminate(scene, light, p, branch)
             return
-        h = float(p[0])
-        if branch.value == "entry":
+        where, _, system = branch.value.partition(":")
+        tests = scene.readings.case.tests
+        h = float(p[0]) * np.array([system in ("", t.system) for t in tests])[:, None, None]
+        if where == "entry":
             diffuse = np.maximum(scene.readings.diffuse_lx, 1e-9)
             like_sky = (scene.beam_lx / diffuse)[:, None, None] * light.sky
             light.sun = (1.0 - h) * light.sun + h * like_sky
             return
         from analysis.explain.fields import GAMMA_DEG, solid_angle
 
-        lobe = np.cos(np.radians(GAMMA_DEG)) / np.pi if branch.value == "exit" else 1.0 / (2.0 * np.pi)
+        lobe = np.cos(np.radians(GAMMA_DEG)) / np.pi if where == "exit" else 1.0 / (2.0 * np.pi)
         weight = solid_angle()
         for name in ("sun", "sky"):
             field = getattr(light, name)
@@ -209,8 +224,8 @@ class Soiling(Mechanism):
     parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
     needs = "sun and sky parts apart; sun angles"
     source = (
-        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; Martin and Ruiz "
-        "2001, Sol. Energy Mater. 70"
+        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; (1-l)^1.3 for both under a dome; Martin "
+        "and Ruiz 2001, Sol. Energy Mater. 70"
     )
     form_error = 0.2  # dirt is not even, nor alike at all angles
     tie_breaker = "the same sky before and after cleaning"
@@ -223,29 +238,30 @@ class Soiling(Mechanism):
         return "sun angles are not given" if np.any(np.isnan(r.altitude_deg)) else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """All systems alike, or one of them."""
-        r = scene.readings
-        systems = np.unique(r.system[np.unique(r.test[scene.is_gonio])])
-        names = [next(t.system or "" for t, s in zip(r.case.tests, r.system, strict=True) if s == k) for k in systems]
-        every = (Branch("every system"),)
-        return (
-            every if len(systems) < 2 else (*every, *(Branch(n, int(k)) for n, k in zip(names, systems, strict=True)))
-        )
+        """All systems alike, or one of them; under a pane, or a dome, through which all light goes as slantingly."""
+        systems = systems_on_the_arm(scene)
+        some = {"every system": None} | ({name: k for k, name in systems.items()} if len(systems) > 1 else {})
+        panes = tuple(Branch(label, (k, "pane")) for label, k in some.items())
+        return (*panes, *(Branch(f"{label}, domed", (k, "dome")) for label, k in some.items()))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weaken the beam by its path through the dirt, the sky by the mean."""
-        slant = 1.0 / np.maximum(np.cos(scene.sun_zenith_at), 0.1)
-        beam, sky = (1.0 - p[0]) ** slant, 2.0 * float(expn(3, -np.log1p(-p[0])))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
-        hit = (
-            np.ones(len(slant), bool)
-            if branch.value is None
-            else scene.readings.system[scene.readings.test] == branch.value
-        )
+        system, cover = branch.value
+        r = scene.readings
+        if cover == "pane":
+            beam = (1.0 - p[0]) ** (1.0 / np.maximum(np.cos(scene.sun_zenith_at), 0.1))
+            sky = 2.0 * float(expn(3, -np.log1p(-p[0])))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
+        else:
+            beam = np.full(len(r), (1.0 - p[0]) ** _DOME_SLANT)
+            sky = (1.0 - float(p[0])) ** _DOME_SLANT
+        hit = np.ones(len(r), bool) if system is None else r.system[r.test] == system
         light.sun_factor = np.where(hit, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(hit, light.sky_factor * sky, light.sky_factor)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
+        if branch.value[1] == "dome":
+            return f"Dirt on {branch.label}, takes {p[0]:.1%} at normal incidence."
         return f"Dirt on {branch.label} takes {p[0]:.1%} at normal incidence and more at grazing."
 
 
