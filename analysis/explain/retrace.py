@@ -12,6 +12,7 @@ from analysis.explain.fields import Fields, fields_of, from_files
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
 
+_BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
 
 
@@ -190,10 +191,10 @@ def _stack(rows: list[tuple[float, Floats, Floats]], which: int) -> Floats:
 
 
 def _parameter(key: str, at: Floats, origin: float) -> Parameter:
-    """A parameter that runs along the variants, a half beyond the outermost, with a prior as wide as they reach."""
+    """A parameter that runs along the variants and as far again beyond, with a prior as wide as they reach."""
     reach = float(np.max(np.abs(at - origin)))
-    low = origin - 1.5 * float(origin - at[0]) if at[0] < origin else origin
-    high = origin + 1.5 * float(at[-1] - origin) if at[-1] > origin else origin
+    low = origin - _BEYOND * float(origin - at[0]) if at[0] < origin else origin
+    high = origin + _BEYOND * float(at[-1] - origin) if at[-1] > origin else origin
     if key == "wall_reflectance":
         low, high = max(low - reach, 0.05), min(high + reach, 0.999)
     unit = "deg" if key.endswith("_deg") else "min" if key.endswith("_min") else "1"

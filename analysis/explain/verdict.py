@@ -13,6 +13,7 @@ from analysis.explain.thresholds import (
     IMITATION,
     LEAST_ROUGH,
     MISFIT_LENS,
+    MISFIT_LIKE_A_LENS,
     MOST_MISFIT,
     NAMELESS,
     RELIABLE,
@@ -141,6 +142,8 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if any(t.mechanism.like_a_lens and isinstance(t.branch.value, Path) for t in h.fit.terms):
         return MISFIT_LENS * gain
+    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+        return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     return min(wrong**2 * gain, MOST_MISFIT)
 

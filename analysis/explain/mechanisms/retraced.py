@@ -224,8 +224,8 @@ class Soiling(Mechanism):
     parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
     needs = "sun and sky parts apart; sun angles"
     source = (
-        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; (1-l)^1.3 for both under a dome; Martin "
-        "and Ruiz 2001, Sol. Energy Mater. 70"
+        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; (1-l)^1.3 for both under a dome; "
+        "Martin and Ruiz 2001, Sol. Energy Mater. 70"
     )
     form_error = 0.2  # dirt is not even, nor alike at all angles
     tie_breaker = "the same sky before and after cleaning"
