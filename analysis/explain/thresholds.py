@@ -45,7 +45,7 @@ IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
 ROUGH = Hyper(3.0, 2.8)
 """A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
-LEAST_ROUGH = 30.0
+LEAST_ROUGH = 300.0
 """A name beside so much that is left must gain this."""
 LIKE_THE_BEST = 0.4
 """Another way of modelling a mechanism, where it gains such a share, has a say in how well its parameters are known."""
