@@ -43,7 +43,7 @@ SURE = 0.85
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
-ROUGH = Hyper(3.0, 2.8)
+ROUGH = Hyper(3.0, 4.0)
 """A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
 LEAST_ROUGH = 300.0
 """A name beside so much that is left must gain this."""
