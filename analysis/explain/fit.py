@@ -2,7 +2,7 @@
 
 A hypothesis is a set of mechanisms with Gaussian (or half-Gaussian) priors on their parameters. Its parameters are
 fitted by Gauss-Newton steps in the metric of the nuisance covariance; its evidence is Laplace's approximation about the
-fit, summed over the grid of discrepancy sizes (MacKay 2003, Information Theory, Inference, and Learning Algorithms,
+fit, summed about its best sizes of discrepancy (MacKay 2003, Information Theory, Inference, and Learning Algorithms,
 ch. 27-28).
 """
 

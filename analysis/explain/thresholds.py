@@ -18,14 +18,14 @@ SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
-UNNAMED = 20.0
-"""Unnamed structure beside a named mechanism must gain this before something is said to be left."""
-UNNAMED_ALONE = 25.0
-"""Unnamed structure alone must gain this before something is said to be there."""
 NAME_SECOND_LENS = 32.0
 """The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left."""
+UNNAMED = 20.0
+"""Unnamed structure beside a named mechanism must gain this before something is said to be left."""
+UNNAMED_ALONE = 25.0
+"""Unnamed structure alone must gain this before something is said to be there."""
 MOST_MISFIT = 20.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
 MISFIT_LENS = 0.5

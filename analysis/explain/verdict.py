@@ -88,13 +88,17 @@ class Conclusion:
     contradicted: dict[str, str] = field(default_factory=dict)
     shown: set[str] = field(default_factory=set)
 
+    @property
+    def imitation(self) -> float:
+        """How many times a name's gain a smooth function must gain to speak against it."""
+        return 1.0 if self.one_instrument else IMITATION
+
 
 def decide(found: Conclusion, few: float) -> None:
     """Set the verdict, probabilities, and what cannot be told apart."""
     left = found.unnamed[0].gain if found.unnamed else 0.0
     gain = found.best.evidence - found.nothing.evidence
-    imitation = 1.0 if found.one_instrument else IMITATION
-    imitated = found.unnamed_alone > imitation * gain + UNNAMED
+    imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE or _rough(found) else "no-mismatch"
     elif left > UNNAMED + min(misfit(found.best, found.nothing), MOST_MISFIT) or _rough(found):
@@ -159,8 +163,7 @@ def _probabilities(found: Conclusion) -> None:
     left = found.unnamed[0].gain if found.unnamed else 0.0
     logs[found.best.ids] = top
     # what is left beside the named does not speak against it, and would be left beside its rivals as well
-    imitation = 1.0 if found.one_instrument else IMITATION
-    unnamed = max(found.unnamed_alone / imitation - max(left, 0.0), 0.0) if found.best.ids else left
+    unnamed = max(found.unnamed_alone / found.imitation - max(left, 0.0), 0.0) if found.best.ids else left
     logs[("unnamed",)] = found.nothing.evidence + unnamed - NAMELESS
     values = np.array([v / TEMPER for v in logs.values()])
     share = np.exp(values - np.logaddexp.reduce(values))
