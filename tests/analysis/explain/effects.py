@@ -161,6 +161,16 @@ def dirt(loss: float) -> Truth:
     return truth
 
 
+def domed(loss: float) -> Truth:
+    """Dirt on a dome: sun and sky go through alike, 1.3 times as slantingly as straight down."""
+    return lambda rows: light(rows) * (1.0 - loss) ** 1.3
+
+
+def only(system: str, truth: Truth) -> Truth:
+    """An effect on one system alone."""
+    return lambda rows: np.where(rows.of_test(lambda t: float(t.system == system)) > 0.5, truth(rows), light(rows))
+
+
 def aureole(share: float, sigma_deg: float) -> Truth:
     """The sun's image seen through a Gaussian: Gauss-Hermite points in the tangent plane of each direction."""
     x, w = np.polynomial.hermite_e.hermegauss(9)
