@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
@@ -90,49 +91,72 @@ class DarkOffset(Mechanism):
         return f"Every reading of {branch.label} carries an offset of {p[0]:+.3g}: they do not read zero in the dark."
 
 
+_CHANGE_OVER = 0.15
+"""Half width [ln of level] over which a meter changes its range: upwards later than downwards."""
+
+
 class Nonlinearity(Mechanism):
-    """The response grows as a power of the light, or bends towards bright light, instead of being proportional."""
+    """The response is not proportional: a power of the light, bent towards bright light, or other beyond a range."""
 
     id = "nonlinearity"
     stage = Stage.SENSORS
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
-    bend = Parameter("bend", "1", "relative error of the brightest reading", -0.4, 0.4, 0.06, (-0.05, 0.05))
+    bend = Parameter("bend", "1", "relative error of the brightest reading", -0.8, 0.8, 0.1, (-0.3, -0.05, 0.05, 0.3))
+    ranges = (
+        Parameter("step", "1", "relative error of all readings in the upper range", -0.4, 0.4, 0.04, (-0.04, 0.04)),
+        Parameter(
+            "range_at",
+            "1",
+            "ln of the level at which ranges change, over the middle level",
+            -3.0,
+            3.0,
+            1.2,
+            (-1.2, -0.4, 0.4, 1.2),
+        ),
+    )
     true_at = Parameter(
         "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
     )
-    source = "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); CIE/ISO 19476 f3 (linearity)"
+    source = (
+        "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y (1 + s) in the upper range; "
+        "CIE/ISO 19476 f3 (linearity), f11 (range change)"
+    )
     tie_breaker = "the same scan with a neutral filter over the aperture"
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A power or a bend, of one kind of instrument."""
+        """A power, a bend or a step, of one kind of instrument."""
         powers = _with_level(scene)
-        return (*powers, *(Branch(f"{b.label}, bent", (b.value, "bent"), b.facts) for b in powers))
+        forms = (("bent", ", bent"), ("ranges", ", by ranges"))
+        return (*powers, *(Branch(b.label + words, (b.value, form), b.facts) for form, words in forms for b in powers))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Exponent of the power, or size of the bend; a single meter was calibrated at some level that nobody knows."""
+        """Those of the form; a single meter was calibrated at some level that nobody knows."""
         if isinstance(branch.value, tuple):
-            return (self.bend,)
+            return (self.bend,) if branch.value[1] == "bent" else self.ranges
         return self.parameters if branch.value == "goniometer" else (*self.parameters, self.true_at)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
-        if isinstance(branch.value, tuple):
-            acts = _is_in(scene, branch.value[0])
+        which, form = branch.value if isinstance(branch.value, tuple) else (branch.value, "power")
+        acts = _is_in(scene, which)
+        if form == "bent":
             return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
-        acts = _acts(scene, branch)
         level = branch.facts["level"] * (np.exp(p[1]) if len(p) > 1 else 1.0)
-        bent = np.maximum(values, 1e-9 * level)
-        return np.where(acts, values * (bent / level) ** p[0], values)
+        beyond = np.log(np.maximum(values, 1e-9 * level) / level)
+        factor = np.exp(p[0] * beyond) if form == "power" else 1.0 + p[0] * expit(2.0 * beyond / _CHANGE_OVER)
+        return np.where(acts, values * factor, values)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say which way."""
-        if isinstance(branch.value, tuple):
-            return f"The response of {branch.label} is not proportional: the brightest reading is {p[0]:+.1%} off."
-        return (
-            f"The response of {branch.label} grows as the {1 + p[0]:.3f}th power of the light instead of in proportion."
-        )
+        form = branch.value[1] if isinstance(branch.value, tuple) else "power"
+        ways = {
+            "bent": f"is not proportional: the brightest reading is {p[0]:+.1%} off",
+            "ranges": f"changes with the range: in the upper one readings are {p[0]:+.1%} off",
+            "power": f"grows as the {1 + p[0]:.3f}th power of the light instead of in proportion",
+        }
+        return f"The response of {branch.label} {ways[form]}."
 
 
 class Saturation(Mechanism):

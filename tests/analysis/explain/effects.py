@@ -74,6 +74,16 @@ def power(exponent: float, about_cd: float = 800.0) -> Truth:
     return lambda rows: about_cd * (light(rows) / about_cd) ** (1.0 + exponent)
 
 
+def bend(share: float, top_cd: float) -> Truth:
+    """A parabola: the brightest reading is off by a share."""
+    return lambda rows: light(rows) + share / top_cd * light(rows) ** 2
+
+
+def ranges(step: float, above_cd: float) -> Truth:
+    """Meters that change their range between 14 % below a level and 16 % above it, each at its own."""
+    return lambda rows: light(rows) * (1.0 + np.interp(np.log(light(rows) / above_cd), [-0.15, 0.15], [0.0, step]))
+
+
 def dead_time(end_cd: float) -> Truth:
     return lambda rows: 1.0 / (1.0 / light(rows) + 1.0 / end_cd)
 

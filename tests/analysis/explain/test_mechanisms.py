@@ -50,7 +50,8 @@ SENSORS = "the goniometer's sensors"
 # Closed forms are exact. Where fields are read between the nodes of a grid of 2.5° x 5°, linear interpolation errs by
 # (step² / 8) x curvature: up to 1 % on images 16° wide; near the horizon, where intensity falls as a power, by 5 %.
 # The room's tolerance is that of taking all bounces but the first as those of a sphere; a blur of the outgoing image
-# treats light near the horizon otherwise than a blur of the source does.
+# treats light near the horizon otherwise than a blur of the source does. How ranges change over is drawn
+# out in two ways.
 ON_THE_ARM = [
     ("gamma-offset", "", (1.5,), effects.gamma_offset(1.5), 0.05),
     ("gamma-offset", "", (-1.5,), effects.gamma_offset(-1.5), 0.05),
@@ -61,6 +62,8 @@ ON_THE_ARM = [
     ("near-field", "closed form", (1.0,), effects.near_field, 0.02),
     ("dark-offset", SENSORS, (30.0,), effects.offset(30.0), 1e-6),
     ("nonlinearity", SENSORS, (0.05,), effects.power(0.05, MIDDLE), 1e-6),
+    ("nonlinearity", f"{SENSORS}, bent", (-0.3,), effects.bend(-0.3, BASE.max()), 1e-6),
+    ("nonlinearity", f"{SENSORS}, by ranges", (0.05, 0.5), effects.ranges(0.05, MIDDLE * np.exp(0.5)), 0.008),
     ("saturation", f"{SENSORS}, gradual", (0.3,), effects.dead_time(BASE.max() / 0.3), 1e-6),
     ("saturation", f"{SENSORS}, clipped", (1.5,), effects.cut(BASE.max() / 1.5), 1e-6),
     ("saturation", f"{SENSORS}, knee", (2.0, 0.3), effects.knee(BASE.max() / 2.0, 0.3), 1e-6),
