@@ -45,7 +45,7 @@ class Model:
 def read_model(folder: Path) -> Model:
     """The fitted mechanisms of ``folder/explanation.json``; raises `DataError` if it is not an explanation.
 
-    Where nothing is named, nothing is corrected.
+    Where nothing is named, only the simulation's shared error is corrected.
     """
     path = folder / "explanation.json"
     try:
@@ -58,13 +58,12 @@ def read_model(folder: Path) -> Model:
         raise DataError(f"{path}: not valid JSON: {error}") from None
     if not _is_explanation(content):
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote")
-    if content["verdict"] in {"no-mismatch", "unexplained"}:
-        return Model()
     try:
         shared = SharedError.of(content["shared_error"])
     except (KeyError, TypeError, ValueError, AttributeError):
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote") from None
-    return Model(tuple(content["model"]), shared)
+    named = content["verdict"] in {"explained", "partly-explained"}
+    return Model(tuple(content["model"]) if named else (), shared)
 
 
 def _is_explanation(content: object) -> bool:
@@ -104,7 +103,7 @@ def apply_model(model: Model, case: Case, simulator: Simulator | None = None) ->
         moved = theta.copy()
         moved[k] += 0.1 * sd[k]
         variance += ((predict(scene, terms, moved) - corrected) / 0.1) ** 2
-    corrected = corrected * np.exp(model.shared.at(readings))
+    corrected = corrected * np.exp(model.shared.at(scene))
     variance += (_usual(readings) * corrected) ** 2
     return records_with(case, corrected / readings.unit_factor, np.sqrt(variance) / readings.unit_factor)
 

@@ -61,7 +61,7 @@ def held_out(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper)
         fitted, learned = _fit_without(scene, terms, theta, hyper, ~out)
         corrected = predict(scene, terms, fitted)
         after[out] = deviations(r, corrected)[out]
-        with_shared[out] = deviations(r, corrected * np.exp(learned.at(r)))[out]
+        with_shared[out] = deviations(r, corrected * np.exp(learned.at(scene)))[out]
         groups.append((str(name), rms(before[out]), rms(after[out])))
     return HeldOut(scheme, rms(before), rms(after), tuple(groups), rms(with_shared))
 

@@ -44,16 +44,30 @@ def lens_error_effects(scene: Scene) -> Floats:
     if not np.any(scene.is_gonio):
         return np.zeros((len(r), 0))
     shapes = _shapes(scene)
-    columns = []
-    tests = np.unique(r.test[scene.is_gonio])
+    columns = list(_of_systems(scene, shapes).values())
     for name, change in shapes.items():
         relative = SIZES[name] * np.where(scene.is_gonio, change / np.hypot(r.simulated, r.floor), 0.0)
-        for system in np.unique(r.system[tests]):
-            columns.append(_OF_SYSTEM * np.where(r.system[r.test] == system, relative, 0.0))
-        columns += [_OF_TEST * np.where(r.test == t, relative, 0.0) for t in tests]
+        columns += [_OF_TEST * np.where(r.test == t, relative, 0.0) for t in np.unique(r.test[scene.is_gonio])]
     if r.has_times:
         columns += _while_the_sun_moves(scene, shapes)
     return np.stack(columns, axis=1)
+
+
+def lens_error_of_systems(scene: Scene) -> dict[tuple[str, str], Floats]:
+    """The unit effects (N,) that all tests of a system share, by the system's id and the kind of error."""
+    return _of_systems(scene, _shapes(scene)) if np.any(scene.is_gonio) else {}
+
+
+def _of_systems(scene: Scene, shapes: dict[str, Floats]) -> dict[tuple[str, str], Floats]:
+    r = scene.readings
+    found = {}
+    for name, change in shapes.items():
+        relative = SIZES[name] * np.where(scene.is_gonio, change / np.hypot(r.simulated, r.floor), 0.0)
+        for system in np.unique(r.system[np.unique(r.test[scene.is_gonio])]):
+            mine = r.system[r.test] == system
+            id_ = r.case.tests[r.test[np.argmax(mine)]].system or ""
+            found[id_, name] = _OF_SYSTEM * np.where(mine, relative, 0.0)
+    return found
 
 
 def _while_the_sun_moves(scene: Scene, shapes: dict[str, Floats]) -> list[Floats]:

@@ -111,7 +111,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         held_out=outside,
         not_tried=search.not_tried,
         again=again,
-        shared=shared_error(fitter, best.residual, best.hyper, extra) if kept.ids else SharedError({}, {}),
+        shared=shared_error(fitter, best.residual, best.hyper, extra),
     )
 
 

@@ -112,9 +112,9 @@ class Readings:
     @cached_property
     def floor(self) -> Floats:
         """Level below which deviations are counted in absolute terms: twice the noise, or a thousandth of the
-        test's top."""
+        test's top; of what is predicted, where nothing was measured."""
         top = np.zeros(len(self.case.tests))
-        np.maximum.at(top, self.test, np.abs(self.measured))
+        np.maximum.at(top, self.test, np.abs(np.where(np.isfinite(self.measured), self.measured, self.simulated)))
         return np.maximum(np.maximum(2.0 * self.noise, 1e-3 * top[self.test]), 1e-12)
 
     def stretched(self, values: Floats) -> Floats:

@@ -1,11 +1,12 @@
 """What a simulation gets wrong alike in all tests of a system, learned from the tests that were fitted.
 
-Beside every mechanism stands the smooth error of the simulated lens, and each sensor's gain. Their posterior means
-given the fitted tests (Gaussian-process regression; Rasmussen and Williams 2006, ch. 2) hold for other tests of the
-same systems and sensors as well, and bring a prediction closer than the mechanisms alone.
+Beside every mechanism, and where none is named, stand the smooth error of the simulated lens, its errors in the sun's
+frame, and each sensor's gain. Their posterior means given the fitted tests (Gaussian-process regression; Rasmussen and
+Williams 2006, ch. 2) hold for other tests of the same systems and sensors as well, and bring a prediction closer than
+the mechanisms alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from scipy.interpolate import RegularGridInterpolator
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra, Fitter
 from analysis.explain.hypers import Hyper
+from analysis.explain.lens_error import lens_error_of_systems
 from analysis.explain.nearness import nearness
 from analysis.explain.noise import GAIN_OF_SENSORS, USUAL
-from analysis.explain.readings import GONIOMETER, Readings
+from analysis.explain.readings import GONIOMETER
+from analysis.explain.scene import Scene
 from labdaq import directions
 
 GAMMA_DEG = np.arange(0.0, 90.1, 5.0)
@@ -33,19 +36,25 @@ class SharedError:
         System's id to its error on `C_DEG` x `GAMMA_DEG`, shape (P, G).
     sensors
         Channel's id to its gain's error.
+    lens
+        System's id and kind of error of its lens (`analysis.explain.lens_error`) to its size, in usual ones.
     """
 
     systems: dict[str, Floats]
     sensors: dict[str, float]
+    lens: dict[str, dict[str, float]] = field(default_factory=dict)
 
-    def at(self, readings: Readings) -> Floats:
+    def at(self, scene: Scene) -> Floats:
         """Relative error of each row's prediction; shape (N,); zero for systems and sensors that were not fitted."""
-        r = readings
+        r = scene.readings
         found = np.array([self.sensors.get(c.id, 0.0) for c in r.case.channels])[r.channel]
         names = [t.system or "" for t in r.case.tests]
         for name, table in self.systems.items():
             rows = np.flatnonzero(np.array([n == name for n in names])[r.test] & (r.kind == GONIOMETER))
             found[rows] += _read(table, np.nan_to_num(r.gamma_deg[rows]), np.nan_to_num(r.c_deg[rows]))
+        if self.lens:
+            for (system, kind), effect in lens_error_of_systems(scene).items():
+                found += self.lens.get(system, {}).get(kind, 0.0) * effect
         return np.asarray(found)
 
     def told(self) -> dict[str, Any]:
@@ -55,6 +64,7 @@ class SharedError:
             "c_deg": C_DEG.tolist(),
             "systems": {name: np.round(table, 5).tolist() for name, table in self.systems.items()},
             "sensors": {name: round(gain, 5) for name, gain in self.sensors.items()},
+            "lens": {name: {kind: round(x, 4) for kind, x in sizes.items()} for name, sizes in self.lens.items()},
         }
 
     @classmethod
@@ -63,7 +73,8 @@ class SharedError:
         systems = {str(k): np.array(v, dtype=np.float64) for k, v in told["systems"].items()}
         if any(table.shape != (len(C_DEG), len(GAMMA_DEG)) for table in systems.values()):
             raise ValueError("a table of another grid")
-        return cls(systems, {str(k): float(v) for k, v in told["sensors"].items()})
+        lens = {str(k): {str(kind): float(x) for kind, x in v.items()} for k, v in told["lens"].items()}
+        return cls(systems, {str(k): float(v) for k, v in told["sensors"].items()}, lens)
 
 
 def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> SharedError:
@@ -84,7 +95,10 @@ def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Ex
     for channel in np.unique(r.channel[r.kind == GONIOMETER]):
         mine = r.channel == channel
         sensors[r.case.channels[channel].id] = GAIN_OF_SENSORS**2 * float((loud * weights)[mine].sum())
-    return SharedError(systems, sensors)
+    lens: dict[str, dict[str, float]] = {}
+    for (system, kind), effect in lens_error_of_systems(fitter.scene).items():
+        lens.setdefault(system, {})[kind] = hyper.lens**2 * float(effect @ weights)
+    return SharedError(systems, sensors, lens)
 
 
 def _read(table: Floats, gamma_deg: Floats, c_deg: Floats) -> Floats:

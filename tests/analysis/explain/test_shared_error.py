@@ -35,7 +35,7 @@ def test_a_lens_error_is_learned_for_its_own_system_only(tmp_path: Path) -> None
     learned = shared_error(fitter, fit.residual, Hyper(1.0, 1.0, 0.4))
     other = Readings.of(make_case(tmp_path / "other", tests=WITHHELD))
     rows = rows_of(WITHHELD)
-    seen, true = learned.at(other), _lens(rows)
+    seen, true = learned.at(Scene(other)), _lens(rows)
     box = np.array([t.system == "box" for t in WITHHELD])[rows.test]
     apart = seen[box] - seen[box].mean() - true[box] + true[box].mean()
     assert np.std(apart) < 0.5 * np.std(true[box])
@@ -71,9 +71,11 @@ def test_predictions_elsewhere_gain_by_it(tmp_path: Path) -> None:
 
 
 def test_what_is_told_is_read_again() -> None:
-    error = SharedError({"box": np.arange(36 * 19).reshape(36, 19) / 1e4}, {"gonio.g45": 0.012})
+    error = SharedError(
+        {"box": np.arange(36 * 19).reshape(36, 19) / 1e4}, {"gonio.g45": 0.012}, {"box": {"blur": -0.4}}
+    )
     again = SharedError.of(json.loads(json.dumps(error.told())))
     assert np.array_equal(again.systems["box"], error.systems["box"])
-    assert again.sensors == error.sensors
+    assert (again.sensors, again.lens) == (error.sensors, error.lens)
     with pytest.raises(ValueError, match="another grid"):
-        SharedError.of({"systems": {"box": [[0.0]]}, "sensors": {}})
+        SharedError.of({"systems": {"box": [[0.0]]}, "sensors": {}, "lens": {}})
