@@ -8,7 +8,7 @@ from analysis.explain.fit import Extra, Fit, posterior_covariance
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
-    APART,
+    BASES,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
@@ -19,9 +19,11 @@ from analysis.explain.thresholds import (
     NAME_SECOND,
     NAME_SECOND_LENS,
     NAME_SECOND_RANDOM,
+    RUNNER_UP,
     SHOWN,
+    SURE,
 )
-from analysis.explain.verdict import Conclusion, Unnamed, decide, misfit, stands_out
+from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, share_of
 
 
 def conclude(search: Search) -> Conclusion:
@@ -102,14 +104,22 @@ def _wandering_beside(
 
 
 def _grow(search: Search, found: Conclusion) -> None:
-    """Add a second and a third mechanism while the evidence carries them."""
-    near = [h for h in found.singles[:3] if h.evidence > found.best.evidence - 15.0]
-    bases = near if found.best in near else [found.best]
+    """Add a second and a third mechanism while the evidence carries them.
+
+    Of two that act together a third may imitate the sum better than either does alone: so the runners-up are bases too.
+    """
+    nothing = found.nothing.evidence
+    least = nothing + min(RUNNER_UP * (found.best.evidence - nothing), found.best.evidence - nothing - 15.0)
+    near = [h for h in found.singles[:BASES] if h.ids and h.evidence > least]
+    bases = near if found.best in near else [found.best, *near]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
         if not grown:
             return
         gain, best = max(grown, key=lambda item: item[1].evidence)
+        if any(found.shares.get((_others(best.ids, m), m), 1.0) < SURE for m in best.ids):
+            found.best = next(h for h in found.singles if set(h.ids) <= set(best.ids) and h.ids)
+            return  # beside one of the two, another might stand for the other
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
         found.best = best
         bases = [best]
@@ -130,16 +140,20 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else NAME_SECOND
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
+    (new,) = set(best.ids) - set(base.ids)
+    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
-    if not stands_out(best, base, candidates):
+    if share < SURE:
         return None
-    (new,) = set(best.ids) - set(base.ids)
-    rivals = [h.ids[-1] for h in candidates if h is not best and h.evidence > best.evidence - APART]
-    best.tied = base.tied + tuple((new, other) for other in rivals)
+    best.tied = base.tied + tuple((new, h.ids[-1]) for h in candidates if h.ids[-1] in doubles(new))
     best.evidence = base.evidence + gain
     return gain, best
+
+
+def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:
+    return frozenset(ids) - {name}
 
 
 def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:

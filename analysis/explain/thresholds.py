@@ -26,8 +26,14 @@ UNNAMED = 20.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0
 """Unnamed structure alone must gain this before something is said to be there."""
+BASES = 3
+"""A second is sought beside so many of the best first mechanisms,"""
+RUNNER_UP = 0.3
+"""if they gain this share of what the best gains."""
 MOST_MISFIT = 20.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
+MISFIT_STRONG = 0.005
+"""Yet at least such a share of its gain: an arm that turns the wrong way leaves nothing that is small beside itself."""
 MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
 MISFIT_LIKE_A_LENS = 0.15
@@ -37,23 +43,28 @@ LEAST_EFFECT = 0.012
 not right to better than that."""
 LEAST_EFFECT_FIRST = 0.005
 """The same for a first one below a skylight: smaller effects are the chance likeness of a lens's error."""
-APART = 3.0
-"""Hypotheses closer than this are not told apart."""
-SURE = 0.85
+APART = 1.2
+"""Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
+SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
 ROUGH = Hyper(3.0, 4.0)
 """A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
-LEAST_ROUGH = 300.0
+LEAST_ROUGH = 120.0
 """A name beside so much that is left must gain this."""
+STRONG = 1000.0
+"""A name that gains this explains, however rough what is left;"""
+LEFT_OF_STRONG = 0.02
+"""and such a share of its gain may be left."""
 LIKE_THE_BEST = 0.4
 """Another way of modelling a mechanism, where it gains such a share, has a say in how well its parameters are known."""
-NAMELESS = 8.0
-"""By so much a smooth function of nobody's making must beat the laws that it can imitate."""
-RELIABLE = 0.97
+RELIABLE = 0.95
 """Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
 DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
 """Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
-TEMPER = 1.6
-"""Evidence is divided by this before it becomes probability: forms are never quite right."""
+TEMPER = 2.5
+"""This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
+quite right."""
+LEFT_OVER = 0.5
+"""What is left beside a name speaks against it by this share. Both were fitted to which names were right."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import expit
 
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.retrace import Path
@@ -12,12 +13,15 @@ from analysis.explain.thresholds import (
     DOUBLES,
     IMITATION,
     LEAST_ROUGH,
+    LEFT_OF_STRONG,
+    LEFT_OVER,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
+    MISFIT_STRONG,
     MOST_MISFIT,
-    NAMELESS,
     RELIABLE,
     ROUGH,
+    STRONG,
     SURE,
     TEMPER,
     UNNAMED,
@@ -67,6 +71,8 @@ class Conclusion:
         The same of a law that is not in the catalogue.
     considered
         Further sets of names with their evidence, less what a name more has to bring.
+    shares
+        How probable a name is beside others, among all that could have been added to those.
     contradicted, shown
         Random effects that repeated readings speak against (and how), and those that they show by themselves.
     """
@@ -84,6 +90,7 @@ class Conclusion:
     one_instrument: bool = False
     seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
+    shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
     trail: list[str] = field(default_factory=list)
     contradicted: dict[str, str] = field(default_factory=dict)
     shown: set[str] = field(default_factory=set)
@@ -101,18 +108,23 @@ def decide(found: Conclusion, few: float) -> None:
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE or _rough(found) else "no-mismatch"
-    elif left > UNNAMED + min(misfit(found.best, found.nothing), MOST_MISFIT) or _rough(found):
+    elif left > _may_be_left(found, gain) or (_rough(found) and gain < STRONG):
         wrong = imitated or found.law_alone > gain or (_rough(found) and gain < LEAST_ROUGH)
         found.verdict = "unexplained" if wrong else "partly-explained"
-    elif imitated or found.law_alone > gain + APART:
+    elif imitated or found.law_alone > gain + TEMPER:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
     _probabilities(found)
-    if found.best.ids and _sure(found) < SURE:
+    if found.best.ids and found.probability[found.best.ids[0]] < SURE:
         found.verdict = "unexplained"
+
+
+def _may_be_left(found: Conclusion, gain: float) -> float:
+    """What unnamed structure may gain [nats] beside names whose forms are never quite right."""
+    return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), LEFT_OF_STRONG * gain)
 
 
 def _rough(found: Conclusion) -> bool:
@@ -121,24 +133,21 @@ def _rough(found: Conclusion) -> bool:
     return not found.one_instrument and (hyper.shape > ROUGH.shape or hyper.scatter > ROUGH.scatter)
 
 
-def _sure(found: Conclusion) -> float:
-    """Probability of the first named mechanism, or of its double."""
-    first = found.best.ids[0]
-    alike = sum(p for ids, p in found.alternatives if len(ids) == 1 and _double(ids[0], first))
-    return found.probability[first] + alike
+def doubles(name: str) -> tuple[str, ...]:
+    """Mechanisms that are one and the same number as a given one."""
+    return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
 
 
-def _double(one: str, other: str) -> bool:
-    return any({one, other} <= pair for pair in DOUBLES)
+def temper(gain: float) -> float:
+    """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root."""
+    return TEMPER * float(np.sqrt(max(gain, 1.0)))
 
 
-def stands_out(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis]) -> bool:
-    """Whether what ``best`` adds to ``base`` is surely the one, among all that could be added."""
-    odds = np.array([(h.evidence - best.evidence) / TEMPER for h in candidates])
-    share = np.exp(odds - np.logaddexp.reduce(odds))
+def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float) -> float:
+    """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate."""
     (new,) = set(best.ids) - set(base.ids)
-    others = [next(iter(set(h.ids) - set(base.ids))) for h in candidates]
-    return float(sum(s for m, s in zip(others, share, strict=True) if m == new or _double(m, new))) > SURE
+    others = [h.evidence for h in candidates if not (set(h.ids) - set(base.ids)) & {new, *doubles(new)}]
+    return float(expit((best.evidence - max(others, default=base.evidence)) / temper(gain)))
 
 
 def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
@@ -149,36 +158,38 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
-    return min(wrong**2 * gain, MOST_MISFIT)
+    return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
 
 def _probabilities(found: Conclusion) -> None:
-    """Posterior over nothing, singles, the accepted set, and unnamed structure; tempered."""
-    top = found.best.evidence
-    logs: dict[tuple[str, ...], float] = {(): found.nothing.evidence}
-    for h in found.singles:
-        logs[h.ids] = max(h.evidence, logs.get(h.ids, -np.inf))
-    for ids, evidence in found.considered:
-        logs[ids] = max(evidence, logs.get(ids, -np.inf))
-    left = found.unnamed[0].gain if found.unnamed else 0.0
-    logs[found.best.ids] = top
-    # what is left beside the named does not speak against it, and would be left beside its rivals as well
-    unnamed = max(found.unnamed_alone / found.imitation - max(left, 0.0), 0.0) if found.best.ids else left
-    logs[("unnamed",)] = found.nothing.evidence + unnamed - NAMELESS
-    values = np.array([v / TEMPER for v in logs.values()])
-    share = np.exp(values - np.logaddexp.reduce(values))
-    ranked = sorted(zip(logs, share, strict=True), key=lambda item: -item[1])
-    for m in found.best.ids:
-        found.probability[m] = RELIABLE * float(sum(s for ids, s in ranked if m in ids))
-    found.alternatives = [(ids, float(s)) for ids, s in ranked if ids not in {found.best.ids, (), ("unnamed",)}][:5]
-    found.indistinguishable += [*_like_the_first(found), *found.best.tied]
+    """Of the first name beside its best rival; of further names as they were accepted.
 
-
-def _like_the_first(found: Conclusion) -> list[tuple[str, str]]:
-    """The first name, and what would do as well in its place; beside others, only its doubles."""
-    ids = found.best.ids
-    alone = [h for h in found.singles if h.ids == ids[:1]]
-    if not alone:
-        return []
-    near = [h for h in found.singles if h.ids not in ((), ids[:1]) and alone[0].evidence - h.evidence < APART]
-    return [(ids[0], h.ids[0]) for h in near if len(ids) == 1 or _double(ids[0], h.ids[0])]
+    A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
+    beside the names speaks against them by half.
+    """
+    nothing, ids = found.nothing.evidence, found.best.ids
+    alone = {h.ids: h.evidence - nothing for h in reversed(found.singles) if len(h.ids) == 1}
+    top = max((alone.get((m,), 0.0) for m in ids), default=max(alone.values(), default=0.0))
+    nats = temper(top)
+    alike = {*ids, *(d for m in ids for d in doubles(m))}
+    first = {d for m in ids[:1] for d in (m, *doubles(m))}
+    rivals: dict[tuple[str, ...], float] = {
+        key: (gain - top) / nats for key, gain in alone.items() if key[0] not in alike
+    }
+    sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
+    rivals |= {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
+    sure = 0.0
+    if ids:
+        left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
+        nearest = max(*rivals.values(), (found.law_alone - top) / nats, -top / nats)
+        sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
+        told = found.shares.items()
+        beside = {m: next((s for (base, new), s in told if new == m and base < set(ids)), None) for m in ids}
+        found.probability = {m: sure if share is None else RELIABLE * share for m, share in beside.items()}
+    share = {key: float(np.exp(r - np.logaddexp.reduce([-top / nats, *rivals.values()]))) for key, r in rivals.items()}
+    ranked = sorted(share, key=lambda key: -share[key])[:5]
+    found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
+    if ids:
+        near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < SURE]
+        found.indistinguishable += [(ids[0], other) for other in (*doubles(ids[0]), *near) if (other,) in alone]
+        found.indistinguishable += found.best.tied

@@ -1,0 +1,78 @@
+"""How sure a name is: evidence against evidence, and what cannot be told apart is not claimed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.explain.fit import MIDDLE, Fit
+from analysis.explain.mechanisms.base import terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.scene import Scene
+from analysis.explain.search import Hypothesis
+from analysis.explain.thresholds import RELIABLE, SURE
+from analysis.explain.verdict import Conclusion, Unnamed, decide, share_of, temper
+
+
+def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
+    terms = tuple(terms_of(BY_ID[name], scene)[0] for name in ids)
+    return Hypothesis(Fit(terms, np.zeros(0), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain)
+
+
+def _decided(scene: Scene, *singles: tuple[str, float], left: float = 0.0, **known: object) -> Conclusion:
+    """A conclusion that names the first single, with the evidence that each single gains."""
+    found = [_hypothesis(scene, gain, name) for name, gain in singles]
+    conclusion = replace(Conclusion(found[0], _hypothesis(scene, 0.0), found), **known)  # type: ignore[arg-type]
+    conclusion.unnamed = [Unnamed("gamma", left, 0.1)]
+    decide(conclusion, 1.0)
+    return conclusion
+
+
+def test_a_name_far_ahead_is_sure(arm: Scene) -> None:
+    found = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 10.0))
+    assert found.verdict == "explained"
+    assert found.probability["c-offset"] == pytest.approx(RELIABLE, abs=0.01)
+    assert found.indistinguishable == []
+
+
+def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
+    found = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 195.0), ("near-field", 20.0))
+    assert found.verdict == "unexplained"
+    assert found.probability["c-offset"] < SURE
+    assert found.indistinguishable == [("c-offset", "gamma-offset")]
+    assert found.alternatives[0][0] == ("gamma-offset",)
+    assert found.probability["c-offset"] + sum(p for _, p in found.alternatives) <= 1.0
+
+
+def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:
+    """Forms are never quite right: twenty nats in fifty are a lead, in five thousand they are not."""
+    weak, strong = (_decided(arm, ("c-offset", g), ("gamma-offset", g - 20.0)) for g in (50.0, 5000.0))
+    assert weak.probability["c-offset"] > SURE > strong.probability["c-offset"]
+    assert temper(400.0) == pytest.approx(2.0 * temper(100.0))
+
+
+def test_a_double_is_no_rival(arm: Scene) -> None:
+    found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
+    assert found.verdict == "explained"
+    assert found.indistinguishable == [("dark-offset", "stray-light")]
+
+
+def test_what_is_left_and_sets_without_the_name_speak_against_it(arm: Scene) -> None:
+    clear = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0))
+    left = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), left=15.0)
+    pair = _decided(
+        arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=[(("gamma-offset", "near-field"), 98.0)]
+    )
+    law = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), law_alone=99.0)
+    for doubtful in (left, pair, law):
+        assert doubtful.probability["c-offset"] < clear.probability["c-offset"] - 0.02
+    own = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=[(("c-offset", "near-field"), 98.0)])
+    assert own.probability == clear.probability
+
+
+def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
+    base = _hypothesis(arm, 100.0, "c-offset")
+    pairs = [_hypothesis(arm, e, "c-offset", name) for name, e in (("dark-offset", 140.0), ("stray-light", 139.0))]
+    rival = _hypothesis(arm, 138.0, "c-offset", "near-field")
+    assert share_of(pairs[0], base, pairs, 40.0) > 0.9
+    assert share_of(pairs[0], base, [*pairs, rival], 40.0) == pytest.approx(0.53, abs=0.01)
