@@ -103,17 +103,9 @@ class Nonlinearity(Mechanism):
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
     bend = Parameter("bend", "1", "relative error of the brightest reading", -0.8, 0.8, 0.1, (-0.3, -0.05, 0.05, 0.3))
-    ranges = (
-        Parameter("step", "1", "relative error of all readings in the upper range", -0.4, 0.4, 0.04, (-0.04, 0.04)),
-        Parameter(
-            "range_at",
-            "1",
-            "ln of the level at which ranges change, over the middle level",
-            -3.0,
-            3.0,
-            1.2,
-            (-1.2, -0.4, 0.4, 1.2),
-        ),
+    step = Parameter("step", "1", "relative error of all readings in the upper range", -0.4, 0.4, 0.04, (-0.04, 0.04))
+    range_at = Parameter(
+        "range_at", "1", "ln of the level at which ranges change, over the middle level", -3.0, 3.0, 1.2, (0.0,)
     )
     true_at = Parameter(
         "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
@@ -134,8 +126,15 @@ class Nonlinearity(Mechanism):
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Those of the form; a single meter was calibrated at some level that nobody knows."""
         if isinstance(branch.value, tuple):
-            return (self.bend,) if branch.value[1] == "bent" else self.ranges
+            return (self.bend,) if branch.value[1] == "bent" else (self.step, self._range_within(scene, branch))
         return self.parameters if branch.value == "goniometer" else (*self.parameters, self.true_at)
+
+    def _range_within(self, scene: Scene, branch: Branch) -> Parameter:
+        """Ranges change where there are readings on both sides: a step below all of them is a gain."""
+        seen = scene.readings.simulated[_is_in(scene, branch.value[0])]
+        low, high = np.log(np.maximum(np.quantile(seen, (0.25, 0.95)), 1e-9) / branch.facts["level"])
+        low, high = min(low, -0.01), max(high, 0.01)
+        return replace(self.range_at, low=low, high=high, starts=tuple(low + (high - low) * np.array([0.1, 0.4, 0.7])))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
