@@ -13,8 +13,8 @@ from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
-from analysis.explain.resimulate import daylight_of, ratio, systems_of
 from analysis.explain.scene import Light, Scene
+from analysis.explain.tracing import daylight_of, ratio, systems_of
 from analysis.photometry import Distribution
 from analysis.simulate.room import Room
 from analysis.simulate.variants import Change, Parts, variants

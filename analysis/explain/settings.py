@@ -1,0 +1,195 @@
+"""Paths of settings that a simulation may have wrong, traced again: turns, scatter, bounces, walls, the time.
+
+What a path holds at each setting is our own simulation's ratio to itself as described (`analysis.explain.tracing`).
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from analysis.explain.parameter import Parameter
+from analysis.explain.retrace import Path
+from analysis.explain.tracing import (
+    DIFFUSE_SHARES,
+    SCATTERS_DEG,
+    TURNS_DEG,
+    Field,
+    Setting,
+    Tracing,
+    daylight_of,
+    ratio,
+)
+from analysis.simulate.variants import Parts
+
+LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
+UNLIMITED: Final = 40.0
+"""Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
+REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
+LEAST, MOST = 0.05, 0.998
+"""Changes of a wall's reflectance that are tried, and between what it must stay."""
+MINUTES: Final = (-15.0, -5.0, 5.0, 15.0)
+
+
+def paths_of(traced: Tracing) -> dict[str, tuple[Path, ...]]:
+    """Each mechanism's paths of settings; none where the case has no such setting."""
+    made: dict[str, tuple[Path, ...]] = {
+        "lens-orientation": tuple(_every(traced, _turns(traced))),
+        "lens-anisotropy": tuple(_every(traced, _isotropy(traced))),
+        "wall-scatter": tuple(_every(traced, _scatter(traced))),
+        "wall-reflectance": tuple(_reflectances(traced)),
+        "bounce-truncation": tuple(_every(traced, _limits(traced))),
+        "clock-offset": tuple(_clock(traced)),
+    }
+    return {key: paths for key, paths in made.items() if paths}
+
+
+def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
+    """Each path for all systems together, and for each system that it changes alone."""
+    for path in paths:
+        touched = [n for n in traced.days if _changes(traced, path, n)]
+        if touched:
+            yield path
+        if len(touched) > 1:
+            yield from (_alone(traced, path, name) for name in touched)
+
+
+def _changes(traced: Tracing, path: Path, name: str) -> bool:
+    rows, same = [k for k, _ in traced.days[name]], 0.0 if path.added else 1.0
+    return any(bool(np.any(np.abs(part[:, rows] - same) > 1e-3)) for part in (path.sun, path.sky))
+
+
+def _alone(traced: Tracing, path: Path, name: str) -> Path:
+    mine = np.zeros(len(traced.case.tests), dtype=bool)
+    mine[[k for k, _ in traced.days[name]]] = True
+    keep, same = mine[None, :, None, None], 0.0 if path.added else 1.0
+    return dataclasses.replace(
+        path,
+        label=f"{path.label}, {name} only",
+        sun=np.where(keep, path.sun, same),
+        sky=np.where(keep, path.sky, same),
+    )
+
+
+def _along(traced: Tracing, label: str, parameter: Parameter, rows: dict[float, Setting], origin: float) -> Path:
+    one = np.ones_like(traced.base[0])
+    fields = {at: traced.ratio(settings) for at, settings in rows.items()} | {origin: (one, one)}
+    at = np.array(sorted(fields))
+    return Path(label, parameter, at, np.stack([fields[a][0] for a in at]), np.stack([fields[a][1] for a in at]))
+
+
+def _turns(traced: Tracing) -> Iterator[Path]:
+    what = "turn of the lens patterns, counter-clockwise from above"
+    turn = Parameter("rotation_deg", "deg", what, 6.0, 84.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
+    path = _along(traced, "own re-simulation", turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0)
+    one = np.ones_like(path.sun[:1])
+    yield dataclasses.replace(
+        path,
+        positions=np.append(path.positions, 90.0),
+        sun=np.concatenate([path.sun, one]),
+        sky=np.concatenate([path.sky, one]),
+    )
+
+
+def _isotropy(traced: Tracing) -> Iterator[Path]:
+    blurred = traced.ratio((("isotropic", True),))
+    one = np.ones_like(blurred[0])
+    weight = Parameter(
+        "weight",
+        "1",
+        "how much of the pattern the simulation had lost (1 = all)",
+        0.0,
+        1.5,
+        0.3,
+        (1.0,),
+        centre=1.0,
+    )
+    sun, sky = (ratio(one, r) for r in blurred)
+    yield Path("a pattern, not its mean", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
+
+
+def _scatter(traced: Tracing) -> Iterator[Path]:
+    share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
+    yield _along(traced, "diffuse share", share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
+    width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
+    yield _along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
+
+
+def _limits(traced: Tracing) -> Iterator[Path]:
+    """Light that bounces more than N times: what the prediction lacks if it was cut there.
+
+    It is added, not multiplied: below a deep well with the sun low, nothing may have been left to multiply.
+    """
+    rows = {}
+    whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})
+    for limit in LIMITS:
+        cut = traced.spread({n: traced.as_predicted(run.again(max_bounces=limit)) for n, run in traced.precise.items()})
+        rows[float(limit)] = whole[0] - cut[0], whole[1] - cut[1]
+    rows[UNLIMITED] = np.zeros_like(whole[0]), np.zeros_like(whole[1])
+    at = np.array(sorted(rows))
+    what = "reflections on the wall after which the simulation stopped"
+    limit_of = Parameter("max_bounces", "1", what, 1.0, UNLIMITED, 12.0, (2.0, 4.0, 7.0, 14.0), centre=UNLIMITED)
+    stated = traced.case.setup.simulation.max_bounces
+    if stated:
+        limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
+    sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
+    yield Path("own re-simulation", limit_of, at, sun, sky, added=True)
+
+
+def _reflectances(traced: Tracing) -> Iterator[Path]:
+    """One path for each system: its wall reflects more or less than described; and one for all alike."""
+    for name, run in traced.runs.items():
+        assumed = run.system.wall.reflectance
+        tried = sorted({min(max(assumed + d, LEAST), MOST) for d in REFLECTANCES} | {assumed})
+        fields = [
+            traced.over_base(_with(traced, name, traced.as_predicted(run.again(wall_reflectance=r)))) for r in tried
+        ]
+        what = f"reflectance of the well of {name}"
+        starts = tuple(r for r in (assumed - 0.1, assumed - 0.03, assumed + 0.02) if tried[0] < r < tried[-1])
+        parameter = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
+        sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
+        yield Path(name, parameter, np.array(tried), sun, sky, geometric=True)
+
+    if len(traced.runs) > 1:
+        yield _all_walls(traced)
+
+
+def _all_walls(traced: Tracing) -> Path:
+    """The walls of all systems reflect more or less by the same amount, as far as the darkest and the brightest can."""
+    runs = traced.runs
+    walls = [run.system.wall.reflectance for run in runs.values()]
+    least, most = LEAST - min(walls), MOST - max(walls)
+    tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
+    fields = []
+    for d in tried:
+        moved = {n: run.again(wall_reflectance=run.system.wall.reflectance + d) for n, run in runs.items()}
+        fields.append(traced.over_base({n: traced.as_predicted(outcome) for n, outcome in moved.items()}))
+    what = "change of the reflectance of all wells"
+    starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
+    change = Parameter("change", "1", what, tried[0], tried[-1], 0.05, starts)
+    sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
+    return Path("all systems alike", change, np.array(tried), sun, sky, geometric=True)
+
+
+def _with(traced: Tracing, name: str, parts: Parts) -> dict[str, Parts]:
+    return {n: traced.as_predicted(run.baseline) for n, run in traced.runs.items()} | {name: parts}
+
+
+def _clock(traced: Tracing) -> Iterator[Path]:
+    """The sun earlier or later than the recorded times say, the illuminances as measured."""
+    if traced.case.setup.site is None or any(t.start is None for t in traced.case.tests):
+        return
+    rows: dict[float, Field] = {}
+    for minutes in MINUTES:
+        moved = {}
+        for name, days in traced.days.items():
+            shifted = [daylight_of(traced.case, k, minutes) for k, _ in days]
+            moved[name] = traced.as_predicted(traced.trace(name, shifted, False).baseline)
+        rows[minutes] = traced.over_base(moved)
+    one = np.ones_like(traced.base[0])
+    rows[0.0] = one, one
+    at = np.array(sorted(rows))
+    late = Parameter("offset_min", "min", "true time minus recorded time", -60.0, 60.0, 15.0, (-10.0, 10.0))
+    sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
+    yield Path("own re-simulation", late, at, sun, sky)

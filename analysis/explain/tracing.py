@@ -1,0 +1,174 @@
+"""Tracing a case's systems again, all settings of a system in one go with the same rays.
+
+The engine that made the prediction is somebody else's; only ratios of our simulation to itself are used, so that what
+the two engines disagree about drops out.
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from analysis.cases import Case
+from analysis.cases.model import Floats
+from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.readings import sun_at
+from analysis.simulate.daylight import Daylight, daylight
+from analysis.simulate.system import System, from_case_table
+from analysis.simulate.variants import Change, Outcome, Parts, VariantSet, variants
+from labdaq.errors import LabdaqError
+
+Setting = tuple[tuple[str, float], ...]
+Field = tuple[Floats, Floats]
+
+TURNS_DEG: Final = (12.0, 34.0, 56.0, 78.0)
+DIFFUSE_SHARES: Final = (0.15,)
+SCATTERS_DEG: Final = (5.0,)
+AUREOLES_DEG: Final = (3.0, 8.0)
+
+RAYS: Final = 45_000
+MORE_RAYS: Final = 160_000
+"""Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
+_DARK: Final = 0.01
+"""Share of a part's brightest direction below which a ratio is drawn towards 1: the rays there are few."""
+
+
+def systems_of(case: Case) -> dict[str, System]:
+    """The case's systems that our engine can trace, by id."""
+    systems: dict[str, System] = {}
+    for described in case.setup.system:
+        if described.kind is None:
+            continue
+        table = described.model_dump(exclude_none=True)
+        if "aperture" in table:
+            table["aperture"] = dict(table["aperture"])
+        try:
+            systems[described.id] = from_case_table(table)
+        except LabdaqError:
+            continue  # a system that our engine cannot imagine: the case's own variants have to do
+    return systems
+
+
+class Tracing:
+    """The light of all tests and settings of a case, traced when it is asked for."""
+
+    def __init__(self, case: Case, systems: Mapping[str, System]) -> None:
+        self.case = case
+        self.systems = systems
+
+    @cached_property
+    def days(self) -> dict[str, list[tuple[int, Daylight]]]:
+        """Each system's tests: their numbers, and their daylight."""
+        days: dict[str, list[tuple[int, Daylight]]] = {name: [] for name in self.systems}
+        for k, test in enumerate(self.case.tests):
+            if test.system in days and test.sun_altitude_deg is not None:
+                days[test.system].append((k, daylight_of(self.case, k, 0.0)))
+        return {name: tests for name, tests in days.items() if tests}
+
+    @cached_property
+    def runs(self) -> dict[str, VariantSet]:
+        """The systems as described, and with each setting."""
+        return {name: self.trace(name, [d for _, d in days], True) for name, days in self.days.items()}
+
+    @cached_property
+    def precise(self) -> dict[str, VariantSet]:
+        """The systems as they are with more rays, for what their bounces tell: there, no rays are shared."""
+        return {name: self.trace(name, [d for _, d in days], rays=MORE_RAYS) for name, days in self.days.items()}
+
+    def trace(self, name: str, days: list[Daylight], changed: bool = False, rays: int = RAYS) -> VariantSet:
+        """One system under some daylights: as described, and with each of its settings if ``changed``."""
+        changes = [Change("", dict(s)) for s in _settings(self.systems[name])] if changed else []
+        assert self.case.setup.goniometer is not None
+        return variants(
+            self.systems[name],
+            days,
+            changes,
+            distance_m=self.case.setup.goniometer.distance_m,
+            rays=rays,
+            gamma_deg=GAMMA_DEG,
+            c_deg=np.append(C_DEG, 360.0),
+        )
+
+    def as_predicted(self, outcome: Outcome) -> Parts:
+        """In the far field, or at the sensors, as the case's prediction is."""
+        return outcome.near if self.case.setup.simulation.field == "near" else outcome.far
+
+    @cached_property
+    def base(self) -> Field:
+        """Both parts as predicted, each (T, P, G)."""
+        return self.spread({name: self.as_predicted(run.baseline) for name, run in self.runs.items()})
+
+    def spread(self, parts: Mapping[str, Parts]) -> Field:
+        """Parts of each system's tests, laid into arrays of all tests (zero elsewhere)."""
+        shape = (len(self.case.tests), len(C_DEG), len(GAMMA_DEG))
+        sun, sky = np.zeros(shape), np.zeros(shape)
+        for name, made in parts.items():
+            rows = [k for k, _ in self.days[name]]
+            sun[rows], sky[rows] = made.sun[:, :-1], made.sky[:, :-1]
+        return sun, sky
+
+    def ratio(self, settings: Setting) -> Field:
+        """Ratio of both parts with ``settings`` to the baseline; 1 for systems that do not have such a setting."""
+        made = {}
+        for name, run in self.runs.items():
+            found = [outcome for change, outcome in run.variants if tuple(change.setting.items()) == settings]
+            made[name] = self.as_predicted(found[0] if found else run.baseline)
+        return self.over_base(made)
+
+    def over_base(self, made: Mapping[str, Parts]) -> Field:
+        """Ratio of both parts of each system to those of the systems as described."""
+        sun, sky = self.spread(made)
+        return ratio(sun, self.base[0]), ratio(sky, self.base[1])
+
+    # what is made of it
+
+    def aureoles(self) -> list[Floats]:
+        """See `Retracings`."""
+        return [np.ones_like(self.base[0]), *(self.ratio((("aureole_deg", w),))[0] for w in AUREOLES_DEG)]
+
+    def near_over_far(self) -> Field:
+        """See `Retracings`."""
+        far = self.spread({name: run.baseline.far for name, run in self.precise.items()})
+        near = self.spread({name: run.baseline.near for name, run in self.precise.items()})
+        return ratio(near[0], far[0]), ratio(near[1], far[1])
+
+    def sun_share(self) -> Floats:
+        """See `Retracings`; in the dark the share of the whole flux."""
+        sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in self.precise.items()})
+        whole = sun + sky
+        floor = _DARK * whole.max(axis=(1, 2), keepdims=True)
+        mean = np.sum(sun, axis=(1, 2), keepdims=True) / np.sum(whole, axis=(1, 2), keepdims=True)
+        return np.asarray((sun + floor * mean) / (whole + floor))
+
+
+def _settings(system: System) -> list[Setting]:
+    """What is traced for a system: only settings that change it."""
+    made: list[Setting] = [(("aureole_deg", w),) for w in AUREOLES_DEG]
+    if "prismatic" in (system.entry.kind, system.exit.kind):
+        made += [(("rotation_deg", t),) for t in TURNS_DEG]
+        made += [(("isotropic", True),)]
+    if system.wall.finish == "specular":
+        made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
+        made += [(("scatter_deg", s),) for s in SCATTERS_DEG]
+    return made
+
+
+def daylight_of(case: Case, k: int, minutes: float) -> Daylight:
+    """Daylight of test ``k``, with the sun ``minutes`` later; typical illuminances where none were measured."""
+    test = case.tests[k]
+    altitude, azimuth = float(test.sun_altitude_deg or 0.0), float(test.sun_azimuth_deg or 0.0)
+    if minutes and test.start is not None:
+        start_ns = int(test.start.timestamp()) * 1_000_000_000
+        (h0, h1), (a0, a1) = sun_at(case, np.array([start_ns, start_ns + int(minutes * 60e9)]))
+        altitude, azimuth = altitude + h1 - h0, azimuth + a1 - a0
+    altitude = min(max(altitude, 2.0), 90.0)
+    diffuse = test.diffuse_illuminance_lx or 15_000.0
+    beam = max((test.global_illuminance_lx or 0.0) - diffuse, 0.02 * diffuse)  # a hidden sun has a ratio, too
+    return daylight(altitude, azimuth % 360.0, diffuse + beam, diffuse, "perez", test.id)
+
+
+def ratio(new: Floats, old: Floats) -> Floats:
+    """Ratio of fields (T, P, G), drawn towards 1 where a test's part is dark."""
+    floor = _DARK * np.maximum(old.max(axis=(-2, -1), keepdims=True), 1e-12)
+    return np.asarray(np.clip((new + floor) / (old + floor), 0.02, 50.0))
