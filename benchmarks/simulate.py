@@ -15,13 +15,14 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight, sky_source, sun_source
 from analysis.simulate.matrix import skylight_matrix
 from analysis.simulate.predict import predict
 from analysis.simulate.prediction import Engine, SunAndSky
 from analysis.simulate.system import SYSTEMS
 from analysis.simulate.tracer import Settings, trace
-from analysis.simulate.variants import Change, variants
+from analysis.simulate.variants import variants
 
 T = TypeVar("T")
 GAMMA: Final = np.array([0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0])

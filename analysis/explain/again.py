@@ -16,8 +16,9 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.scene import Light, Scene
 from analysis.explain.tracing import daylight_of, ratio, systems_of
 from analysis.photometry import Distribution
+from analysis.simulate.changes import Change
 from analysis.simulate.room import Room
-from analysis.simulate.variants import Change, Parts, variants
+from analysis.simulate.variants import Parts, variants
 from labdaq.errors import ConfigError
 
 RAYS = 150_000

@@ -14,9 +14,10 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.readings import sun_at
+from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.system import System, from_case_table
-from analysis.simulate.variants import Change, Outcome, Parts, VariantSet, variants
+from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
 
 Setting = tuple[tuple[str, float], ...]

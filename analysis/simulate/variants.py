@@ -16,11 +16,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.changes import TALLY_KEYS, Change, changed
 from analysis.simulate.daylight import Daylight, sky_source, sun_source
 from analysis.simulate.lens import Sampler
 from analysis.simulate.model import skylight
 from analysis.simulate.source import Source
-from analysis.simulate.system import LENS_PLACES, Lens, System, Wall
+from analysis.simulate.system import System
 from analysis.simulate.tally import Field, Tally
 from analysis.simulate.tracer import Settings, trace
 from labdaq.errors import ConfigError
@@ -31,32 +32,8 @@ GAMMA_DEG: Final[Floats] = np.arange(0.0, 90.1, 2.5)
 C_DEG: Final[Floats] = np.arange(0.0, 360.1, 5.0)
 """The fine grid: 37 gammas and 73 C-planes, closed (the last plane repeats the first)."""
 
-LENS_KEYS: Final = ("mirrored", "isotropic", "haze", "slope_deg", "blur_deg", "absorption_per_mm", "refractive_index")
-WALL_KEYS: Final = ("scatter_deg", "diffuse_fraction", "finish")
-TALLY_KEYS: Final = ("wall_reflectance", "max_bounces")
-
 SKY_SHARE: Final = 0.6
 """Rays for each sky, in rays for each sun: skies are smoother, and share their rays."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """One thing that a simulation may get wrong, set to one value.
-
-    Attributes
-    ----------
-    mechanism
-        Id of the catalogue, or any label.
-    setting
-        What is changed. For the lenses (all prismatic ones, or those named by ``lenses``: "entry", "exit"):
-        ``rotation_deg`` (added to the orientation), ``mirrored``, ``isotropic``, ``haze``, ``slope_deg``, ``blur_deg``,
-        ``absorption_per_mm``, ``refractive_index``; ``soiling`` of the entry. For the well: ``wall_reflectance``,
-        ``max_bounces``, ``scatter_deg``, ``diffuse_fraction``, ``finish``. For the sun: ``aureole_deg``. For the
-        sensors: ``distance_m``. Any dotted name of `System` otherwise.
-    """
-
-    mechanism: str
-    setting: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -195,49 +172,6 @@ class _Plan:
     @property
     def tallied(self) -> bool:
         return self.wall_reflectance is not None or self.max_bounces is not None
-
-
-def changed(system: System, setting: Mapping[str, Any]) -> System:
-    """The system with the optical part of a change's setting; see `Change`. Raises `ConfigError`."""
-    rest = dict(setting)
-    chosen = rest.pop("lenses", None)
-    places = (chosen,) if chosen else tuple(p for p in ("entry", "exit") if getattr(system, p).kind != "none")
-    if not chosen and any(getattr(system, p).kind == "prismatic" for p in places):
-        places = tuple(p for p in places if p in LENS_PLACES.get(system.kind, places))
-    dotted: dict[str, Any] = {}
-    for key, value in rest.items():
-        if key in ("aureole_deg", "distance_m", *TALLY_KEYS):
-            continue
-        if key == "rotation_deg":
-            dotted |= {f"{p}.orientation_deg": getattr(system, p).orientation_deg + value for p in places}
-        elif key == "soiling":
-            dotted["entry.soiling"] = value
-        elif key in LENS_KEYS:
-            dotted |= {f"{p}.{key}": value for p in places}
-        elif key in WALL_KEYS:
-            dotted[f"wall.{key}"] = value
-        else:
-            dotted[key] = value
-    return _plainest(system.with_settings(dotted)) if dotted else _plainest(system)
-
-
-def _plainest(system: System) -> System:
-    """The simplest description of the same physics, so that what is alike is traced once."""
-
-    def lens(this: Lens) -> Lens:
-        if this.kind == "bsdf":
-            return this
-        if this.kind != "prismatic":
-            return dataclasses.replace(this, orientation_deg=0.0, mirrored=False, isotropic=False)
-        turn = -this.orientation_deg if this.mirrored else this.orientation_deg  # pyramids have the square's symmetry
-        return dataclasses.replace(this, mirrored=False, orientation_deg=0.0 if this.isotropic else turn % 90.0)
-
-    def wall(this: Wall) -> Wall:
-        return dataclasses.replace(this, scatter_deg=0.0, diffuse_fraction=0.0) if this.finish == "diffuse" else this
-
-    return dataclasses.replace(
-        system, entry=lens(system.entry), exit=lens(system.exit), wall=wall(system.wall), boot=wall(system.boot)
-    )
 
 
 def _plan(system: System, setting: Mapping[str, Any], distance_m: float) -> _Plan:

@@ -121,8 +121,8 @@ def system_of(job: Job) -> Any:
 
 def changes(system: Any, options: Mapping[str, Any]) -> Any:
     """The system with the command line's ``settings``, ``orientation``, ``mirrored`` and ``isotropic``."""
+    from analysis.simulate.changes import changed
     from analysis.simulate.system import parse_settings
-    from analysis.simulate.variants import changed
 
     system = system.with_settings(parse_settings(options["settings"]))
     wishes: dict[str, Any] = {}

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from analysis.simulate.changes import Change, changed
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.system import System, named
-from analysis.simulate.variants import Change, Outcome, VariantSet, changed, variants
+from analysis.simulate.variants import Outcome, VariantSet, variants
 from labdaq.errors import ConfigError, DataError
 
 RAYS = 40_000
