@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from analysis.cases.model import Floats
 from analysis.cases.read import COLUMNS
 from analysis.explain.fit import Fit
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
-from analysis.explain.mechanisms.base import Term
+from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.mismatch import Explanation
 from analysis.explain.next_measurement import next_measurement
+from analysis.explain.scene import Scene
 from analysis.explain.verdict import Unnamed
 from labdaq.clock import utc_text
 from labdaq.whole_file import write_whole_bytes
@@ -45,7 +47,7 @@ def answer(e: Explanation) -> dict[str, Any]:
             for h in found.singles
         ],
         "shared_error": e.shared.told(),
-        "model": [_model(term, found.best.fit, k) for k, term in enumerate(found.best.fit.terms)],
+        "model": [_model(e.scene, term, found.best.fit, k) for k, term in enumerate(found.best.fit.terms)],
     }
 
 
@@ -100,9 +102,10 @@ def _of_term(fit: Fit, k: int) -> tuple[np.ndarray, np.ndarray]:
     return fit.theta[start:stop], sd[start:stop]
 
 
-def _model(term: Term, fit: Fit, k: int) -> dict[str, Any]:
+def _model(scene: Scene, term: Term, fit: Fit, k: int) -> dict[str, Any]:
     """What `labdaq predict` needs to apply a mechanism elsewhere."""
     theta, sd = _of_term(fit, k)
+    only = _systems_changed(scene, term, theta)
     return {
         "id": term.mechanism.id,
         "way": term.branch.label,
@@ -110,7 +113,17 @@ def _model(term: Term, fit: Fit, k: int) -> dict[str, Any]:
         "theta": [float(x) for x in theta],
         "sd": [float(x) for x in sd],
         "names": [p.name for p in term.parameters],
+        "only": only,
     }
+
+
+def _systems_changed(scene: Scene, term: Term, theta: Floats) -> list[str]:
+    """The systems whose tests a mechanism changes; empty where it changes all of them."""
+    r = scene.readings
+    systems = np.array([t.system or "" for t in r.case.tests])[r.test]
+    change = np.abs(predict(scene, (term,), theta) - r.simulated) > 1e-9 * r.scale
+    touched = set(systems[change].tolist())
+    return sorted(touched) if touched < set(systems.tolist()) else []
 
 
 def _place(m: Mismatch) -> dict[str, Any]:

@@ -80,6 +80,9 @@ def _is_entry(entry: object) -> bool:
     numbers, facts = (entry.get("theta"), entry.get("sd")), entry.get("facts")
     if not all(isinstance(n, list) and all(isinstance(x, int | float) for x in n) for n in numbers):
         return False
+    only = entry.get("only", [])
+    if not isinstance(only, list) or not all(isinstance(name, str) for name in only):
+        return False
     sizes = {len(entry["theta"]), len(entry["sd"]), len(entry.get("names") or [])}
     return len(sizes) == 1 and isinstance(facts, dict) and all(isinstance(x, int | float) for x in facts.values())
 
@@ -87,16 +90,18 @@ def _is_entry(entry: object) -> bool:
 def apply_model(model: Model, case: Case, simulator: Simulator | None = None) -> str:
     """The case's records with ``corrected`` and ``corrected_uncertainty``, as CSV text; ``measured`` is not looked at.
 
-    On the named mechanisms follows what the fitted tests say of the simulation's own error, for systems and sensors of
-    the same names.
+    A mechanism that acted on some systems only acts on those of them that are here. On the named mechanisms follows
+    what the fitted tests say of the simulation's own error, for systems and sensors of the same names.
 
     Raises `DataError` when a mechanism cannot be applied because the case lacks what it needs.
     """
     scene = scene_of(case, simulator, measured_only=False)
     readings = scene.readings
-    terms = tuple(_term(entry, scene) for entry in model.entries)
-    theta = np.array([x for entry in model.entries for x in entry["theta"]])
-    sd = np.array([x for entry in model.entries for x in entry["sd"]])
+    here = {t.system or "" for t in case.tests}
+    entries = [e for e in model.entries if not e.get("only") or here & set(e["only"])]
+    terms = tuple(_term(entry, scene) for entry in entries)
+    theta = np.array([x for entry in entries for x in entry["theta"]])
+    sd = np.array([x for entry in entries for x in entry["sd"]])
     corrected = predict(scene, terms, theta)
     variance = np.zeros(len(readings))
     for k in range(len(theta)):
@@ -121,7 +126,7 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
     if {"from_utc_s", "until_utc_s"} & set(facts):
         found = _in_state(entry, scene, ways)
     else:
-        found = [t for t in ways if t.branch.label == entry["way"]]
+        found = _of_label(entry, ways)
         if not found and mechanism.id in _SIMULATED:
             # a re-simulation is named after where it came from; the same setting of another origin serves as well
             found = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
@@ -131,6 +136,14 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
             "bring the variants, systems, channels or facts that the mechanism needs (labdaq mechanisms)",
         )
     return replace(found[0], branch=replace(found[0].branch, facts=facts))
+
+
+def _of_label(entry: dict[str, Any], ways: tuple[Term, ...]) -> list[Term]:
+    """The way of that label; of one system's, that of all systems serves where there is no other system."""
+    labels = [entry["way"]]
+    for system in entry.get("only", []):
+        labels += [entry["way"].removesuffix(f", {system} only"), entry["way"].replace(system, "every system", 1)]
+    return next(([t] for label in labels for t in ways if t.branch.label == label), [])
 
 
 def _in_state(entry: dict[str, Any], scene: Scene, ways: tuple[Term, ...]) -> list[Term]:

@@ -24,6 +24,8 @@ from labdaq import directions
 
 GAMMA_DEG = np.arange(0.0, 90.1, 5.0)
 C_DEG = np.arange(0.0, 360.0, 10.0)
+MOST = 0.4
+"""A lens's error in the sun's frame is taken off up to this relative size."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,14 @@ class SharedError:
         for name, table in self.systems.items():
             rows = np.flatnonzero(np.array([n == name for n in names])[r.test] & (r.kind == GONIOMETER))
             found[rows] += _read(table, np.nan_to_num(r.gamma_deg[rows]), np.nan_to_num(r.c_deg[rows]))
-        if self.lens:
-            for (system, kind), effect in lens_error_of_systems(scene).items():
-                found += self.lens.get(system, {}).get(kind, 0.0) * effect
-        return np.asarray(found)
+        return np.asarray(found + self._of_lens(scene))
+
+    def _of_lens(self, scene: Scene) -> Floats:
+        """What a lens has wrong in the sun's frame; on the flank of a sharp image no more than a bound is believed."""
+        found = np.zeros(len(scene.readings))
+        for (system, kind), effect in lens_error_of_systems(scene).items() if self.lens else ():
+            found += self.lens.get(system, {}).get(kind, 0.0) * effect
+        return np.clip(found, -MOST, MOST)
 
     def told(self) -> dict[str, Any]:
         """As JSON holds it."""

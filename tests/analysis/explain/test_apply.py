@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 from analysis.cases import read_case
+from analysis.explain.answer import answer
 from analysis.explain.apply import Model, apply_model
+from analysis.explain.mismatch import explain
 from labdaq.errors import DataError
+from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import WITHHELD, Floats, columns, light, make_case, rows_of
 from tests.analysis.explain.roof import ROOF_TESTS, beam_and_sky, roof_case, sun_of
 
 
-def model(mechanism: str, way: str, names: list[str], theta: list[float], **facts: float) -> Model:
+def model(
+    mechanism: str, way: str, names: list[str], theta: list[float], only: tuple[str, ...] = (), **facts: float
+) -> Model:
     entry = {"id": mechanism, "way": way, "names": names, "theta": theta, "sd": [0.01] * len(theta), "facts": facts}
-    return Model((entry,))
+    return Model((entry | {"only": list(only)},))
 
 
 def corrected(case_folder: Path, what: Model) -> Floats:
@@ -65,3 +70,25 @@ def test_the_steepness_of_a_law_is_kept(tmp_path: Path) -> None:
     gentle, steep = (corrected(tmp_path / "case", model("meter-cosine", "velux", names, [0.1, k])) for k in (1.0, 2.5))
     low = sun_of(ROOF_TESTS, 60.0)[0] < 20.0
     assert np.all(steep[: len(low)][low] > gentle[: len(low)][low])
+
+
+def test_dirt_on_one_system_stays_there(tmp_path: Path) -> None:
+    """In a case of the other system alone it does nothing; in one of its own system alone it needs no name."""
+    both = make_case(tmp_path / "both", tests=WITHHELD, measured=False)
+    what = model("soiling", "box", ["loss"], [0.12], ("box",))
+    made = columns(apply_model(what, both), "corrected")[0]
+    box = np.array([t.system == "box" for t in WITHHELD])[rows_of(WITHHELD).test]
+    for test, here in ((WITHHELD[0], box), (WITHHELD[1], ~box)):
+        make_case(tmp_path / test.id, tests=(test,), measured=False)
+        assert corrected(tmp_path / test.id, what) == pytest.approx(made[here], rel=1e-6)
+    assert made[~box] == pytest.approx(light(rows_of(WITHHELD))[~box], rel=1e-6)
+    assert np.all(made[box] < 0.95 * light(rows_of(WITHHELD))[box])
+
+
+def test_what_a_mechanism_changed_is_kept_with_it(tmp_path: Path) -> None:
+    content = answer(explain(make_case(tmp_path / "case", effects.only("tube", effects.dirt(0.25)))))
+    (entry,) = content["model"]
+    assert entry["id"] == "soiling"
+    assert entry["only"] == ["tube"]
+    turned = answer(explain(make_case(tmp_path / "turned", effects.c_offset(6.0))))
+    assert turned["model"][0]["only"] == []
