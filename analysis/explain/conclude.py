@@ -5,10 +5,12 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.repeats import repeats
-from analysis.explain.search import Hypothesis, Search
+from analysis.explain.search import Hypothesis, Search, without
 from analysis.explain.thresholds import (
     BASES,
+    FORM_OF_SIZE,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
@@ -69,6 +71,27 @@ def _widen(search: Search, found: Conclusion) -> None:
     fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
     if len(fit.terms) == 1 and fit.terms[0].mechanism.modelled_twice:
         fit.covariance = fit.covariance + _between_ways(fit, found)
+    fit.covariance = fit.covariance + np.diag(np.square(FORM_OF_SIZE * _sizes(search, fit)))
+
+
+def _sizes(search: Search, fit: Fit) -> Floats:
+    """How far each parameter (P,) is from changing nothing: a form that is wrong by a share has it wrong by that share.
+
+    Of a lone parameter that is the change it makes over the change per unit, whatever its scale.
+    """
+    r = search.scene.readings
+    found: list[float] = []
+    model = r.stretched(predict(search.scene, fit.terms, fit.theta))
+    for k, term in enumerate(fit.terms):
+        mine = slice(len(found), len(found) + len(term.parameters))
+        sizes = np.abs(fit.theta[mine])
+        if len(sizes) == 1:
+            change = np.linalg.norm(model - r.stretched(predict(search.scene, *without(fit, k))))
+            per_unit = max(float(np.linalg.norm(fit.jacobian[:, mine])), 1e-12)
+            at_most = sizes[0] if term.parameters[0].centre == 0.0 else np.inf
+            sizes = np.array([min(change / per_unit, at_most)])
+        found += sizes.tolist()
+    return np.array(found)
 
 
 def _between_ways(fit: Fit, found: Conclusion) -> Floats:

@@ -195,7 +195,7 @@ class Search:
             form_error = term.mechanism.form_error_in(self.scene)
             if form_error <= 0:
                 continue
-            others, theta = _without(fit, k)
+            others, theta = without(fit, k)
             with_it = r.stretched(predict(self.scene, fit.terms, fit.theta))
             change = with_it - r.stretched(predict(self.scene, others, theta))
             by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
@@ -209,7 +209,7 @@ class Search:
         sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
         with_it = predict(self.scene, fit.terms, fit.theta)
         for k in range(len(fit.terms)):
-            change = (with_it - predict(self.scene, *_without(fit, k))) / r.scale
+            change = (with_it - predict(self.scene, *without(fit, k))) / r.scale
             if np.any(self.scene.is_gonio):
                 mean = np.bincount(r.test, weights=change) / np.maximum(np.bincount(r.test), 1)
                 change = change - mean[r.test]
@@ -236,7 +236,7 @@ class Search:
         return Hypothesis(copy, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))
 
 
-def _without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:
+def without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:
     """All terms but the k-th, with their parameters."""
     counts = [len(t.parameters) for t in fit.terms]
     start = sum(counts[:k])

@@ -63,6 +63,8 @@ RELIABLE = 0.95
 """Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
 DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
 """Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
+FORM_OF_SIZE = 0.18
+"""Share of an effect's size that its form leaves open; a parameter's uncertainty holds it."""
 TEMPER = 2.5
 """This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
 quite right."""
