@@ -82,6 +82,7 @@ def test_a_single_effect_is_named_and_sized_and_helps_elsewhere(name: str, tmp_p
     found = first["parameters"][world.parameter]
     assert abs(found["value"] - world.value) < 1.96 * found["uncertainty"] + world.allowed
     assert abs(found["value"] - world.value) < 0.12 * abs(world.value) + world.allowed, "the form is exact here"
+    assert found["uncertainty"] > 0.1 * abs(world.value), "forms are not known to be exact"
 
     held = content["fit"]["held_out"]
     assert held["after"]["rms_percent"] < world.falls * held["before"]["rms_percent"]
