@@ -43,6 +43,8 @@ LEAST_EFFECT = 0.012
 not right to better than that."""
 LEAST_EFFECT_FIRST = 0.005
 """The same for a first one below a skylight: smaller effects are the chance likeness of a lens's error."""
+AHEAD = 2.5
+"""A law outside the catalogue that gains this more than the names says that they are wrong."""
 APART = 1.2
 """Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
 SURE = 0.6

@@ -9,6 +9,7 @@ from analysis.explain.mechanisms.base import Term
 from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
+    AHEAD,
     APART,
     DOUBLES,
     IMITATION,
@@ -111,7 +112,7 @@ def decide(found: Conclusion, few: float) -> None:
     elif left > _may_be_left(found, gain) or (_rough(found) and gain < STRONG):
         wrong = imitated or found.law_alone > gain or (_rough(found) and gain < LEAST_ROUGH)
         found.verdict = "unexplained" if wrong else "partly-explained"
-    elif imitated or found.law_alone > gain + TEMPER:
+    elif imitated or found.law_alone > gain + AHEAD:
         found.verdict = "unexplained"
     elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
         found.verdict = "partly-explained"
@@ -161,23 +162,33 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
 
+def _alone(found: Conclusion) -> dict[str, float]:
+    """What each single gains over nothing [nats]."""
+    nothing = found.nothing.evidence
+    return {h.ids[0]: h.evidence - nothing for h in reversed(found.singles) if len(h.ids) == 1}
+
+
+def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...], float]:
+    """Log odds against the first name: of singles beside the best single named, of sets without it beside the best."""
+    ids = found.best.ids
+    alike = {*ids, *(d for m in ids for d in doubles(m))}
+    first = {d for m in ids[:1] for d in (m, *doubles(m))}
+    rivals: dict[tuple[str, ...], float] = {}
+    rivals |= {(m,): (gain - top) / nats for m, gain in _alone(found).items() if m not in alike}
+    sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
+    return rivals | {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
+
+
 def _probabilities(found: Conclusion) -> None:
     """Of the first name beside its best rival; of further names as they were accepted.
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
     beside the names speaks against them by half.
     """
-    nothing, ids = found.nothing.evidence, found.best.ids
-    alone = {h.ids: h.evidence - nothing for h in reversed(found.singles) if len(h.ids) == 1}
-    top = max((alone.get((m,), 0.0) for m in ids), default=max(alone.values(), default=0.0))
+    ids, alone = found.best.ids, _alone(found)
+    top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = temper(top)
-    alike = {*ids, *(d for m in ids for d in doubles(m))}
-    first = {d for m in ids[:1] for d in (m, *doubles(m))}
-    rivals: dict[tuple[str, ...], float] = {
-        key: (gain - top) / nats for key, gain in alone.items() if key[0] not in alike
-    }
-    sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
-    rivals |= {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
+    rivals = _rivals(found, top, nats)
     sure = 0.0
     if ids:
         left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
@@ -191,5 +202,5 @@ def _probabilities(found: Conclusion) -> None:
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
     if ids:
         near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < SURE]
-        found.indistinguishable += [(ids[0], other) for other in (*doubles(ids[0]), *near) if (other,) in alone]
+        found.indistinguishable += [(ids[0], other) for other in (*doubles(ids[0]), *near) if other in alone]
         found.indistinguishable += found.best.tied

@@ -1,11 +1,10 @@
 """How sure a name is: evidence against evidence, and what cannot be told apart is not claimed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from analysis.explain.fit import MIDDLE, Fit
+from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
@@ -19,10 +18,18 @@ def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
     return Hypothesis(Fit(terms, np.zeros(0), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain)
 
 
-def _decided(scene: Scene, *singles: tuple[str, float], left: float = 0.0, **known: object) -> Conclusion:
+def _decided(
+    scene: Scene,
+    *singles: tuple[str, float],
+    left: float = 0.0,
+    law_alone: float = -np.inf,
+    considered: tuple[tuple[tuple[str, ...], float], ...] = (),
+    hyper: Hyper = MIDDLE,
+) -> Conclusion:
     """A conclusion that names the first single, with the evidence that each single gains."""
     found = [_hypothesis(scene, gain, name) for name, gain in singles]
-    conclusion = replace(Conclusion(found[0], _hypothesis(scene, 0.0), found), **known)  # type: ignore[arg-type]
+    found[0].fit.hyper = hyper
+    conclusion = Conclusion(found[0], _hypothesis(scene, 0.0), found, law_alone=law_alone, considered=list(considered))
     conclusion.unnamed = [Unnamed("gamma", left, 0.1)]
     decide(conclusion, 1.0)
     return conclusion
@@ -61,12 +68,12 @@ def test_what_is_left_and_sets_without_the_name_speak_against_it(arm: Scene) -> 
     clear = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0))
     left = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), left=15.0)
     pair = _decided(
-        arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=[(("gamma-offset", "near-field"), 98.0)]
+        arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=((("gamma-offset", "near-field"), 98.0),)
     )
     law = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), law_alone=99.0)
     for doubtful in (left, pair, law):
         assert doubtful.probability["c-offset"] < clear.probability["c-offset"] - 0.02
-    own = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=[(("c-offset", "near-field"), 98.0)])
+    own = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=((("c-offset", "near-field"), 98.0),))
     assert own.probability == clear.probability
 
 
@@ -76,3 +83,14 @@ def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
     rival = _hypothesis(arm, 138.0, "c-offset", "near-field")
     assert share_of(pairs[0], base, pairs, 40.0) > 0.9
     assert share_of(pairs[0], base, [*pairs, rival], 40.0) == pytest.approx(0.53, abs=0.01)
+
+
+def test_a_rough_rest_counts_beside_what_is_explained(arm: Scene) -> None:
+    """More than simulations leave: beside a weak name nothing is claimed, beside a strong one something is left."""
+    told = {gain: _decided(arm, ("c-offset", gain), hyper=Hyper(6.0, 1.0)).verdict for gain in (100.0, 500.0, 5000.0)}
+    assert told == {100.0: "unexplained", 500.0: "partly-explained", 5000.0: "explained"}
+
+
+def test_what_a_strong_name_leaves_is_in_proportion(arm: Scene) -> None:
+    assert _decided(arm, ("c-offset", 500.0), left=60.0).verdict == "partly-explained"
+    assert _decided(arm, ("c-offset", 10_000.0), left=60.0).verdict == "explained"
