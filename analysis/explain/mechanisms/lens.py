@@ -1,0 +1,212 @@
+"""The lens: haze, dirt, and the pattern of its prisms."""
+
+import numpy as np
+from scipy.special import expn
+
+from analysis.cases.model import Floats
+from analysis.explain.geometry import turned
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+_DOME_SLANT = 1.3
+"""Mean path through a shallow dome's pane over the straight one, of a sun 20 to 70° high."""
+
+_WEIGHT = Parameter(
+    "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
+)
+
+
+_IMAGE_TURN = Parameter(
+    "rotation_deg",
+    "deg",
+    "turn of the pattern, counter-clockwise from above",
+    -45.0,
+    45.0,
+    12.0,
+    (-20.0, -7.0, 7.0, 20.0),
+)
+
+
+class LensHaze(Retraced):
+    """The lens scatters part of the light widely."""
+
+    like_a_lens = True
+
+    id = "lens-haze"
+    stage = Stage.OPTICS
+    leaves_out = "The lens scatters part of the light widely, beyond what was simulated."
+    parameters = (
+        Parameter("haze", "1", "share of the transmitted light that is scattered widely", 0.0, 1.0, 0.12, (0.05, 0.2)),
+    )
+    needs = "sun and sky parts apart, with illuminances (light scattered at the entry enters like the sky's)"
+    source = (
+        "entry: (1-h) S + h (B/D) K; exit: (1-h) I + h (flux) cos(gamma)/pi (a dull surface) "
+        "or (flux)/2pi (a turbid one); ASTM D1003 (haze)"
+    )
+    tie_breaker = "the same scan with a cleaned or exchanged lens"
+
+    def why_not(self, scene: Scene) -> str:
+        """Something must be had of entry, exit or re-simulation."""
+        return ""
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Scatter at the entry, at the exit, or as re-simulated; in all systems, or in one of them."""
+        ways = {"entry lens": "entry"} if scene.knows_split else {}
+        ways |= {"exit lens": "exit", "exit lens, evenly to all sides": "even"}
+        names = list(systems_on_the_arm(scene).values())
+        alone = names if len(names) > 1 else []
+        every = [Branch(label, where) for label, where in ways.items()]
+        one = [Branch(f"{label}, {n} only", f"{where}:{n}") for label, where in ways.items() for n in alone]
+        return (*every, *one, *super().branches(scene))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Closed forms have the haze itself."""
+        return self.parameters if isinstance(branch.value, str) else super().parameters_in(scene, branch)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Mix in the scattered light."""
+        if not isinstance(branch.value, str):
+            super().illuminate(scene, light, p, branch)
+            return
+        where, _, system = branch.value.partition(":")
+        tests = scene.readings.case.tests
+        h = float(p[0]) * np.array([system in ("", t.system) for t in tests])[:, None, None]
+        if where == "entry":
+            diffuse = np.maximum(scene.readings.diffuse_lx, 1e-9)
+            like_sky = (scene.beam_lx / diffuse)[:, None, None] * light.sky
+            light.sun = (1.0 - h) * light.sun + h * like_sky
+            return
+        from analysis.explain.fields import GAMMA_DEG, solid_angle
+
+        lobe = np.cos(np.radians(GAMMA_DEG)) / np.pi if where == "exit" else 1.0 / (2.0 * np.pi)
+        weight = solid_angle()
+        for name in ("sun", "sky"):
+            field = getattr(light, name)
+            flux = np.sum(field * weight, axis=(1, 2))
+            setattr(light, name, (1.0 - h) * field + h * flux[:, None, None] * lobe)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much and where."""
+        if not isinstance(branch.value, str):
+            return super().statement(p, branch)
+        return f"{p[0]:.1%} of the light is scattered widely ({branch.label}), beyond what was simulated."
+
+
+class LensAnisotropy(Retraced):
+    """An isotropic lens was simulated; the real one is not."""
+
+    like_a_lens = True
+
+    id = "lens-anisotropy"
+    stage = Stage.OPTICS
+    leaves_out = "The lens was simulated as isotropic; its pattern of prisms sends light along its own axes."
+    parameters = (_WEIGHT,)
+    needs = "a variant, or the systems' description"
+    source = "re-simulation; report chapters 6 and 9"
+    tie_breaker = "turn the skylight by 45°"
+
+
+class LensOrientation(Retraced):
+    """The lens pattern lies turned or mirrored."""
+
+    like_a_lens = True
+
+    id = "lens-orientation"
+    stage = Stage.OPTICS
+    leaves_out = "The lens pattern is turned or mirrored against the simulated one."
+    parameters = (
+        Parameter(
+            "rotation_deg",
+            "deg",
+            "turn of the pattern, counter-clockwise from above",
+            -180.0,
+            180.0,
+            45.0,
+            (20.0, 90.0),
+        ),
+    )
+    needs = "a variant, or the systems' description, or the sun's angles"
+    modelled_twice = True
+    source = (
+        "re-simulation; small turns also as a turn of the sun's image about its middle; report test 15 and chapter 9"
+    )
+    tie_breaker = "turn the skylight by 90°"
+
+    def why_not(self, scene: Scene) -> str:
+        """Something must be had of re-simulation and the sun's image."""
+        return "" if scene.readings.has_parts or self.branches(scene) else NO_VARIANT
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """As re-simulated, and by turning the sun's image about its middle."""
+        image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
+        return (*super().branches(scene), *image)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """An image is turned by less than its own symmetry."""
+        return (_IMAGE_TURN,) if isinstance(branch.value, str) else super().parameters_in(scene, branch)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Turn the image, or change both parts as the re-simulation did."""
+        if not isinstance(branch.value, str):
+            super().illuminate(scene, light, p, branch)
+            return
+        middle = -scene.sun_vectors  # the light goes on away from the sun; seen from above, turns go the other way
+        light.sun = turned(light.sun, -middle, np.full(len(middle), float(p[0])))
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how far."""
+        if not isinstance(branch.value, str):
+            return super().statement(p, branch)
+        return f"The lens pattern is turned by {p[0]:+.1f}° (counter-clockwise from above) against the simulated one."
+
+
+class Soiling(Mechanism):
+    """Dirt takes light, the more the more grazing the sun."""
+
+    id = "soiling"
+    stage = Stage.OPTICS
+    leaves_out = "Dirt on the skylight takes light, more at grazing incidence."
+    parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
+    needs = "sun and sky parts apart; sun angles"
+    source = (
+        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; (1-l)^1.3 for both under a dome; "
+        "Martin and Ruiz 2001, Sol. Energy Mater. 70"
+    )
+    form_error = 0.2  # dirt is not even, nor alike at all angles
+    tie_breaker = "the same sky before and after cleaning"
+
+    def why_not(self, scene: Scene) -> str:
+        """The loss depends on the sun's angle."""
+        r = scene.readings
+        if not r.has_parts:
+            return "the records do not give the sun and sky parts apart"
+        return "sun angles are not given" if np.any(np.isnan(r.altitude_deg)) else ""
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """All systems alike, or one of them; under a pane, or a dome, through which all light goes as slantingly."""
+        systems = systems_on_the_arm(scene)
+        some = {"every system": None} | ({name: k for k, name in systems.items()} if len(systems) > 1 else {})
+        panes = tuple(Branch(label, (k, "pane")) for label, k in some.items())
+        return (*panes, *(Branch(f"{label}, domed", (k, "dome")) for label, k in some.items()))
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Weaken the beam by its path through the dirt, the sky by the mean."""
+        system, cover = branch.value
+        r = scene.readings
+        if cover == "pane":
+            beam = (1.0 - p[0]) ** (1.0 / np.maximum(np.cos(scene.sun_zenith_at), 0.1))
+            sky = 2.0 * float(expn(3, -np.log1p(-p[0])))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
+        else:
+            beam = np.full(len(r), (1.0 - p[0]) ** _DOME_SLANT)
+            sky = (1.0 - float(p[0])) ** _DOME_SLANT
+        hit = np.ones(len(r), bool) if system is None else r.system[r.test] == system
+        light.sun_factor = np.where(hit, light.sun_factor * beam, light.sun_factor)
+        light.sky_factor = np.where(hit, light.sky_factor * sky, light.sky_factor)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        if branch.value[1] == "dome":
+            return f"Dirt on {branch.label}, takes {p[0]:.1%} at normal incidence."
+        return f"Dirt on {branch.label} takes {p[0]:.1%} at normal incidence and more at grazing."
