@@ -56,6 +56,9 @@ class RoomInterreflection(Mechanism):
         )
 
 
+_FROM_ONE_SIDE = "following the daylight, from one side"
+
+
 class StrayLight(Mechanism):
     """Light in the room that is not the skylight's: constant, or a leak that follows the daylight outside."""
 
@@ -73,8 +76,21 @@ class StrayLight(Mechanism):
             (2.0, 10.0),
         ),
     )
+    side = Parameter(
+        "from_c_deg",
+        "deg",
+        "C where a leak is strongest",
+        -180.0,
+        540.0,
+        105.0,
+        (0.0, 90.0, 180.0, 270.0),
+        centre=180.0,
+    )
     needs = "goniometer (its distance)"
-    source = "I_add = d² E_stray, constant or proportional to the global illuminance"
+    source = (
+        "I_add = d² E_stray, constant or proportional to the global illuminance; through a door, to first order "
+        "E_stray (1 + sin(gamma) cos(C - C_door))"
+    )
     tie_breaker = "a scan with the skylight covered"
 
     def why_not(self, scene: Scene) -> str:
@@ -86,7 +102,13 @@ class StrayLight(Mechanism):
         outside = scene.readings.global_lx
         if not np.all(np.isfinite(outside)):
             return (Branch("constant"),)
-        return (Branch("constant"), Branch("following the daylight", facts={"mean_global_lx": float(outside.mean())}))
+        facts = {"mean_global_lx": float(outside.mean())}
+        leaks = ("following the daylight", _FROM_ONE_SIDE)
+        return (Branch("constant"), *(Branch(label, facts=facts) for label in leaks))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """A leak on one side has a direction."""
+        return (*self.parameters, self.side) if branch.label == _FROM_ONE_SIDE else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the stray light to the goniometer's rows."""
@@ -95,6 +117,9 @@ class StrayLight(Mechanism):
         if branch.label != "constant":
             outside = scene.readings.global_lx / branch.facts["mean_global_lx"]
             added = added * outside[scene.readings.test]
+        if branch.label == _FROM_ONE_SIDE:
+            gamma, c = np.radians(scene.readings.gamma_deg), np.radians(scene.readings.c_deg - p[1])
+            added = added * (1.0 + np.sin(gamma) * np.cos(c))
         return values + np.where(scene.is_gonio, added, 0.0)
 
     def statement(self, p: Floats, branch: Branch) -> str:

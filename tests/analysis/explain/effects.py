@@ -232,6 +232,18 @@ def leak(lux_per_100_klx: float) -> Truth:
     return lambda rows: light(rows) + DISTANCE_M**2 * lux_per_100_klx * rows.of_test(lambda t: t.global_lx) / 1e5
 
 
+def gap(lux_per_100_klx: float, c_deg: float) -> Truth:
+    """Daylight through a gap on one side: twice as much on a horizontal arm towards it, none on one away from it."""
+
+    def truth(rows: Rows) -> Floats:
+        outwards = np.stack([np.cos(np.radians(rows.c_deg)), np.sin(np.radians(rows.c_deg))], axis=1)
+        towards = outwards @ np.array([np.cos(np.radians(c_deg)), np.sin(np.radians(c_deg))])
+        added = DISTANCE_M**2 * lux_per_100_klx * rows.of_test(lambda t: t.global_lx) / 1e5
+        return light(rows) + added * (1.0 + towards * np.sin(np.radians(rows.gamma_deg)))
+
+    return truth
+
+
 def room(wall: float, floor: float) -> Truth:
     """Radiosity of the room: every surface sees every other, ceiling (reflecting like the walls) included."""
 
