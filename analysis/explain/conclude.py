@@ -4,10 +4,10 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
-from analysis.explain.fit import Extra, Fit, posterior_covariance
+from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.repeats import repeats
-from analysis.explain.search import Hypothesis, Search, without
+from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     BASES,
     FORM_OF_SIZE,
@@ -25,7 +25,7 @@ from analysis.explain.thresholds import (
     SHOWN,
     SURE,
 )
-from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, share_of
+from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, name_the_sure, share_of
 
 
 def conclude(search: Search) -> Conclusion:
@@ -44,6 +44,8 @@ def conclude(search: Search) -> Conclusion:
         _grow(search, found)
     _look_for_unnamed(search, found)
     decide(found, few)
+    if name_the_sure(found):
+        _look_for_unnamed(search, found)
     if found.best.ids:
         _widen(search, found)
     return found
@@ -66,8 +68,7 @@ def _few(search: Search) -> float:
 def _widen(search: Search, found: Conclusion) -> None:
     """Let the parameters' uncertainties hold what the forms themselves have wrong."""
     fit = found.best.fit
-    random = tuple(w.extra(search.scene, a, x) for w, a, x in found.best.wanders)
-    whitener = search.fitter.whitener(fit.hyper, (*search.form_error(fit), *random))
+    whitener = search.fitter.whitener(fit.hyper, search.allowed(found.best))
     fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
     if len(fit.terms) == 1 and fit.terms[0].mechanism.modelled_twice:
         fit.covariance = fit.covariance + _between_ways(fit, found)
@@ -86,7 +87,7 @@ def _sizes(search: Search, fit: Fit) -> Floats:
         mine = slice(len(found), len(found) + len(term.parameters))
         sizes = np.abs(fit.theta[mine])
         if len(sizes) == 1:
-            change = np.linalg.norm(model - r.stretched(predict(search.scene, *without(fit, k))))
+            change = np.linalg.norm(model - r.stretched(predict(search.scene, *without(fit.terms, fit.theta, k))))
             per_unit = max(float(np.linalg.norm(fit.jacobian[:, mine])), 1e-12)
             at_most = sizes[0] if term.parameters[0].centre == 0.0 else np.inf
             sizes = np.array([min(change / per_unit, at_most)])
@@ -150,7 +151,7 @@ def _grow(search: Search, found: Conclusion) -> None:
 
 def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[float, Hypothesis] | None:
     """``base`` with one mechanism more, if that is accepted; evidence is put on the common scale of `Conclusion`."""
-    extra = (*search.form_error(base.fit), *(w.extra(search.scene, a, x) for w, a, x in base.wanders))
+    extra = search.allowed(base)
     alone = search.reweighed(base, extra)
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
     if not candidates:
@@ -187,10 +188,7 @@ def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     """Does unnamed structure gain beside the best model, and how much would it gain alone?"""
     best = found.best
-    extra: tuple[Extra, ...] = (
-        *search.form_error(best.fit),
-        *(w.extra(search.scene, a, x) for w, a, x in best.wanders),
-    )
+    extra = search.allowed(best)
     found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
         alone = _unnamed_beside(search, found.nothing, ())

@@ -10,6 +10,7 @@ from scipy.special import gammaln
 from analysis.cases.model import Floats
 from analysis.explain import wander as w
 from analysis.explain.fit import Fit
+from analysis.explain.form_error import locally_wrong
 from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.timing import unrest
@@ -103,7 +104,9 @@ def odd_readings(scene: Scene, fit: Fit, whitener: Whitener) -> tuple[w.Wander, 
     inverse_root = whitener.whitened(np.eye(count))
     others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
     precision = np.sum(inverse_root**2, axis=0)
-    edge = (_EDGE_DEG * steepness(scene)) ** 2  # where a lens's image is steep, a reading may be off by itself
+    # where a lens's image is steep, a reading may be off by itself
+    edges_deg = max([_EDGE_DEG, *(t.mechanism.displaces_deg(scene) for t in fit.terms)])
+    edge = (edges_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
     alone = np.abs(others_say) / precision / np.sqrt(1.0 / precision + edge)
     odd = np.flatnonzero(alone > _ODD)
     if len(odd) == 0:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.cases.model import Floats
-from analysis.explain.hypers import Hyper, lattice_of
+from analysis.explain.hypers import STRIDES, Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import Nuisance
@@ -85,6 +85,13 @@ class Fit:
         return tuple(t.mechanism.id for t in self.terms)
 
 
+def without(terms: tuple[Term, ...], theta: Floats, k: int) -> tuple[tuple[Term, ...], Floats]:
+    """All terms but the k-th, with their parameters."""
+    counts = [len(t.parameters) for t in terms]
+    start = sum(counts[:k])
+    return (*terms[:k], *terms[k + 1 :]), np.delete(theta, range(start, start + counts[k]))
+
+
 class Fitter:
     """Fits hypotheses to one scene; keeps the factored covariances it has used."""
 
@@ -139,7 +146,7 @@ class Fitter:
         """Gauss-Newton from ``start`` at some sizes, with halved steps where the objective does not fall."""
         whitener = self.whitener(hyper, extra)
         parameters = tuple(p for t in terms for p in t.parameters)
-        theta = _inside(np.asarray(start, dtype=np.float64), parameters)
+        theta = inside(np.asarray(start, dtype=np.float64), parameters)
         residual = self.residual(terms, theta)
         value = whitener.gram(residual[:, None])[0, 0] + _prior_value(theta, parameters)
         jacobian = self.jacobian(terms, theta, residual)
@@ -147,7 +154,7 @@ class Fitter:
             gram = whitener.gram(np.column_stack([jacobian, residual]))
             step = _newton_step(gram, theta, parameters)
             for halving in range(6):
-                trial = _inside(theta + step * 0.5**halving, parameters)
+                trial = inside(theta + step * 0.5**halving, parameters)
                 trial_residual = self.residual(terms, trial)
                 trial_value = whitener.gram(trial_residual[:, None])[0, 0] + _prior_value(trial, parameters)
                 if trial_value < value:
@@ -160,7 +167,7 @@ class Fitter:
             jacobian = self.jacobian(terms, theta, residual)
             if np.all(moved < _SMALL * 30) or better < 0.02:
                 break
-        return Fit(terms, theta, residual, jacobian, objective=float(value))
+        return Fit(terms, theta, residual, jacobian, objective=float(value), hyper=hyper)
 
     def scan_starts(self, term: Term, hyper: Hyper) -> list[tuple[float, Floats]]:
         """Objectives and starting points of one term alone, best first."""
@@ -179,7 +186,7 @@ class Fitter:
         size = gram[0, 1:] / np.maximum(np.diag(gram)[1:], 1e-12)
         free = np.array([p.centre == 0.0 for p in term.parameters])  # others are lengths: they scale nothing
         scaled = np.where(free, points * np.clip(size, 0.0, 3.0)[:, None], points)
-        return np.concatenate([points, [_inside(p, term.parameters) for p in scaled]])
+        return np.concatenate([points, [inside(p, term.parameters) for p in scaled]])
 
     def promise(self, term: Term, hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()) -> tuple[float, Floats]:
         """How far one term more may lower the objective, and from which start; others are held where they were fitted.
@@ -196,10 +203,16 @@ class Fitter:
         best = int(np.argmax(drop))
         return float(drop[best]), points[best]
 
-    def weigh(self, fits: list[Fit], extra: tuple[Extra, ...] = (), start: Hyper | None = None) -> None:
+    def weigh(
+        self,
+        fits: list[Fit],
+        extra: tuple[Extra, ...] = (),
+        start: Hyper | None = None,
+        strides: tuple[int, ...] = STRIDES,
+    ) -> None:
         """Set evidence, covariance and best sizes of fits; the search for those begins at ``start`` (or the fit's)."""
         for f in fits:
-            f.hyper, f.log_evidence = self.lattice.climb(self.density(f, extra), start or f.hyper)
+            f.hyper, f.log_evidence = self.lattice.climb(self.density(f, extra), start or f.hyper, strides)
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
 
     def density(self, fit: Fit, extra: tuple[Extra, ...]) -> Callable[[Hyper], float]:
@@ -280,7 +293,8 @@ def _prior_value(theta: Floats, parameters: tuple[Parameter, ...]) -> float:
     return float(sum(((x - p.centre) / p.sigma) ** 2 for x, p in zip(theta, parameters, strict=True)))
 
 
-def _inside(theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+def inside(theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+    """Parameters (P,) kept within their ranges."""
     if not parameters:
         return theta
     return np.clip(theta, [p.low for p in parameters], [p.high for p in parameters])

@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fit import Fitter
+from analysis.explain.form_error import form_error
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.readings import ROOF, Readings
@@ -74,8 +75,9 @@ def _fit_without(
         return theta, SharedError({}, {})
     part = replace(scene, readings=scene.readings.only(keep), memory={})
     fitter = Fitter(part)
-    fit = fitter.fit(terms, theta, hyper)
-    return fit.theta, shared_error(fitter, fit.residual, hyper)
+    wrong = form_error(part, terms, theta)
+    fit = fitter.fit(terms, theta, hyper, wrong)
+    return fit.theta, shared_error(fitter, fit.residual, hyper, wrong)
 
 
 def deviations(readings: Readings, model: Floats) -> Floats:

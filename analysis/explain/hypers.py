@@ -13,7 +13,8 @@ import numpy as np
 from analysis.explain.readings import GONIOMETER, SKY, Readings
 
 _WIDE: Final = float(np.log(2.5))
-_STRIDES: Final = (4, 2, 1)
+STRIDES: Final = (4, 2, 1)
+"""Steps of a search on a lattice; coarse ones alone find the neighbourhood."""
 Place = tuple[int, int, int]
 
 
@@ -71,7 +72,9 @@ class Lattice:
                     shape, scatter, lens = (k if a == axis else place[a] for a in range(3))
                     yield axis, (shape, scatter, lens)
 
-    def climb(self, value: Callable[[Hyper], float], start: Hyper) -> tuple[Hyper, float]:
+    def climb(
+        self, value: Callable[[Hyper], float], start: Hyper, strides: tuple[int, ...] = STRIDES
+    ) -> tuple[Hyper, float]:
         """The best place for a log density, and the log of the sum about it (Laplace's, by the axes)."""
         known: dict[Place, float] = {}
 
@@ -81,7 +84,7 @@ class Lattice:
             return known[place]
 
         top = self.nearest(start)
-        for stride in _STRIDES:
+        for stride in strides:
             moved = True
             while moved:
                 best = max((place for _, place in self.beside(top, stride)), key=at, default=top)

@@ -9,8 +9,9 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.again import Again, simulated_again
 from analysis.explain.conclude import conclude
-from analysis.explain.fit import Fitter
+from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.forensics import forensics
+from analysis.explain.form_error import form_error
 from analysis.explain.heldout import HeldOut, deviations, held_out, rms
 from analysis.explain.hypers import Hyper
 from analysis.explain.locate import Mismatch, locate
@@ -92,9 +93,10 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     if simulator is not None:
         progress("simulating again with what was found")
     again = simulated_again(scene, best.terms, best.theta) if simulator is not None else None
-    extra = tuple(w.extra(scene, a, x) for w, a, x in kept.wanders)
+    wrong = form_error(scene, best.terms, best.theta)
+    extra = (*wrong, *(w.extra(scene, a, x) for w, a, x in kept.wanders))
     whitener = fitter.whitener(best.hyper, extra)
-    leftover = locate(readings, best.residual, fitter.whitener(LOOKING, (*search.form_error(best), *extra)))
+    leftover = locate(readings, best.residual, fitter.whitener(LOOKING, extra))
     dof = max(len(readings) - len(best.theta), 1)
     return Explanation(
         scene=scene,
@@ -103,7 +105,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         mismatch=mismatch,
         leftover=leftover,
         corrected=corrected,
-        corrected_sd=corrected_sd(scene, best.jacobian, best.covariance, best.hyper, fitter),
+        corrected_sd=corrected_sd(scene, best, fitter, wrong),
         before=rms(deviations(readings, readings.simulated)),
         after=rms(deviations(readings, corrected)),
         chi2_before=float(whitener.squares(null[:, None])[0]) / len(readings),
@@ -115,11 +117,12 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     )
 
 
-def corrected_sd(scene: Scene, jacobian: Floats, covariance: Floats, hyper: Hyper, fitter: Fitter) -> Floats:
-    """Standard uncertainty (N,) of the corrected prediction: parameters, gains, and the shape discrepancy."""
+def corrected_sd(scene: Scene, fit: Fit, fitter: Fitter, wrong: tuple[Extra, ...]) -> Floats:
+    """Standard uncertainty (N,) of the corrected prediction: parameters, forms, gains, and the shape discrepancy."""
     r = scene.readings
-    variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    variance = np.einsum("ij,jk,ik->i", fit.jacobian, fit.covariance, fit.jacobian)
+    variance += sum(np.sum((e.amplitude * e.columns) ** 2, axis=1) for e in wrong)
     for block in fitter.nuisance.blocks:
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
-        variance[block.rows] += np.diag(fitter.nuisance.matrix(block, hyper)) - noise
+        variance[block.rows] += np.diag(fitter.nuisance.matrix(block, fit.hyper)) - noise
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)) * r.scale)

@@ -1,7 +1,7 @@
 """Search the hypotheses: nothing, one mechanism, two, three; and structure that nobody has named.
 
-Singles are all tried. A second mechanism is asked for only beside the best singles, with the first one's form error
-allowed for, and accepted only with evidence to spare; likewise a third.
+Singles are all tried, with what their forms have wrong allowed for. A second mechanism is asked for only beside the
+best singles, and accepted only with evidence to spare; likewise a third.
 """
 
 from collections.abc import Iterable
@@ -11,17 +11,26 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.families import UNREST, evenly_restless
-from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter
+from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, without
+from analysis.explain.form_error import form_error
+from analysis.explain.hypers import STRIDES
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.wander import Wander
-from analysis.explain.wander import sphere as _sphere
 
 _BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
 _STARTS = 2
 _PROMISING = 12.0
 """A mechanism is fitted beside others only where it may lower the objective by this (twice the nats it could gain)."""
+
+
+_A_SHARE = 0.25
+"""What its form may have wrong is asked of mechanisms that gain such a share of what the best gains."""
+_LARGER = (1.0, 4.0)
+"""Fits with the error of a form begin at so many times the change that was found without."""
+_BY_CHANGE = 8.0
+"""What a change must tell by itself [nats] where its form's error is allowed for."""
 
 
 @dataclass
@@ -94,6 +103,10 @@ class Search:
         """One hypothesis per parametric mechanism, best first."""
         fits = {m: self._fit_ways(terms) for m, terms in self._terms.items()}
         self.fitter.weigh([f for ways in fits.values() for f in ways])
+        nothing = self.nothing().evidence
+        best = max((f.log_evidence for ways in fits.values() for f in ways), default=nothing)
+        least = nothing + max(_A_SHARE * (best - nothing), 0.0)
+        fits = {m: self._allowing_for_forms(ways, least) for m, ways in fits.items()}
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.kinds == ("roof",):
             found += [h for h in map(self._restless, found[:]) if h is not None]
@@ -134,6 +147,40 @@ class Search:
             looks.append((starts[0][0], term, [s for _, s in starts[:_STARTS]]))
         looks.sort(key=lambda look: look[0])
         return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
+
+    def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
+        """The best way fitted again with what its form may have wrong, if it tells enough and may be locally wrong."""
+        best = max(ways, key=lambda f: f.log_evidence, default=None)
+        if best is None or best.log_evidence < least or not any(t.mechanism.local_error for t in best.terms):
+            return ways
+        return [self._allowing_for_form(f) if f is best else f for f in ways]
+
+    def _allowing_for_form(self, plain: Fit) -> Fit:
+        """The fit with its own form's error, if the change itself tells something beside its error.
+
+        The error grows with the change. A form that is taken for exact pays wherever it is wrong, and is found too
+        small: so one fit begins at a larger change.
+        """
+        centre = np.array([p.centre for p in plain.parameters])
+        starts = [centre + factor * (plain.theta - centre) for factor in _LARGER]
+        begun = [replace(plain, theta=inside(start, plain.parameters)) for start in starts]
+        fits = [self._with_form_error(fit, STRIDES[:-1]) for fit in begun]
+        fit = self._with_form_error(max(fits, key=lambda f: f.log_evidence), STRIDES[1:])
+        told = self._told_by_change(fit, form_error(self.scene, fit.terms, fit.theta))
+        return fit if fit.log_evidence > plain.log_evidence and told > _BY_CHANGE else plain
+
+    def _with_form_error(self, fit: Fit, strides: tuple[int, ...]) -> Fit:
+        """A fit again, with the error that its form has at its parameters."""
+        extra = form_error(self.scene, fit.terms, fit.theta)
+        again = self.fitter.fit(fit.terms, fit.theta, fit.hyper, extra)
+        self.fitter.weigh([again], extra, strides=strides)
+        return again
+
+    def _told_by_change(self, fit: Fit, extra: tuple[Extra, ...]) -> float:
+        """Nats that the change of a fit brings over its form's error alone: any scatter is explained by an error."""
+        without_it = self.fitter.residual((), np.zeros(0))
+        gram = self.fitter.whitener(fit.hyper, extra).gram(np.column_stack([without_it, fit.residual]))
+        return 0.5 * float(gram[0, 0] - gram[1, 1])
 
     def _best_fit(self, terms: tuple[Term, ...], starts: list[Floats], extra: tuple[Extra, ...] = ()) -> Fit:
         fits = [self.fitter.fit(terms, s, MIDDLE, extra) for s in starts]
@@ -184,24 +231,10 @@ class Search:
         self.fitter.weigh([copy], extra)
         return copy.log_evidence
 
-    def form_error(self, fit: Fit) -> tuple[Extra, ...]:
-        """Random effects for what the forms of the fitted mechanisms themselves may have wrong.
-
-        The change each mechanism makes may be wrong by a smooth function of direction, and by a factor per test.
-        """
-        r = self.scene.readings
-        parts = []
-        for k, term in enumerate(fit.terms):
-            form_error = term.mechanism.form_error_in(self.scene)
-            if form_error <= 0:
-                continue
-            others, theta = without(fit, k)
-            with_it = r.stretched(predict(self.scene, fit.terms, fit.theta))
-            change = with_it - r.stretched(predict(self.scene, others, theta))
-            by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
-            shape = np.concatenate([_sphere(self.scene, 40.0), by_test], axis=1) / np.sqrt(2.0)
-            parts.append(form_error * change[:, None] * shape)
-        return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
+    def allowed(self, hypothesis: Hypothesis) -> tuple[Extra, ...]:
+        """What is allowed for beside a hypothesis: what its forms have wrong, and its random effects."""
+        random = (w.extra(self.scene, amplitude, length) for w, amplitude, length in hypothesis.wanders)
+        return (*form_error(self.scene, hypothesis.fit.terms, hypothesis.fit.theta), *random)
 
     def least_effect(self, hypothesis: Hypothesis) -> float:
         """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed."""
@@ -209,7 +242,7 @@ class Search:
         sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
         with_it = predict(self.scene, fit.terms, fit.theta)
         for k in range(len(fit.terms)):
-            change = (with_it - predict(self.scene, *without(fit, k))) / r.scale
+            change = (with_it - predict(self.scene, *without(fit.terms, fit.theta, k))) / r.scale
             if np.any(self.scene.is_gonio):
                 mean = np.bincount(r.test, weights=change) / np.maximum(np.bincount(r.test), 1)
                 change = change - mean[r.test]
@@ -234,11 +267,3 @@ class Search:
         logs = np.array([again[way] for way in tried])
         evidence = copy.log_evidence - again[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
         return Hypothesis(copy, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))
-
-
-def without(fit: Fit, k: int) -> tuple[tuple[Term, ...], Floats]:
-    """All terms but the k-th, with their parameters."""
-    counts = [len(t.parameters) for t in fit.terms]
-    start = sum(counts[:k])
-    theta = np.delete(fit.theta, range(start, start + counts[k]))
-    return (*fit.terms[:k], *fit.terms[k + 1 :]), theta

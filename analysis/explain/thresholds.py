@@ -49,6 +49,8 @@ APART = 1.2
 """Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
+SURE_ALONE = 0.8
+"""The same for one that is named although what stands beside it in all likely sets is doubtful."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
 ROUGH = Hyper(3.0, 4.0)
@@ -65,6 +67,8 @@ RELIABLE = 0.95
 """Names as sure as evidence can make them are right this often: some physics is in no catalogue."""
 DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
 """Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
+ALIKE = 6.0
+"""Doubles whose evidence differs by more than this [nats] are not doubles in this case."""
 FORM_OF_SIZE = 0.18
 """Share of an effect's size that its form leaves open; a parameter's uncertainty holds it."""
 TEMPER = 2.5

@@ -10,6 +10,7 @@ from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
+    ALIKE,
     APART,
     DOUBLES,
     IMITATION,
@@ -24,6 +25,7 @@ from analysis.explain.thresholds import (
     ROUGH,
     STRONG,
     SURE,
+    SURE_ALONE,
     TEMPER,
     UNNAMED,
     UNNAMED_ALONE,
@@ -151,6 +153,27 @@ def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], g
     return float(expit((best.evidence - max(others, default=base.evidence)) / temper(gain)))
 
 
+def name_the_sure(found: Conclusion) -> bool:
+    """Where the first name is doubtful: name the one that all likely sets hold, if there is one, and say so.
+
+    What else there is stays open: the verdict is ``partly-explained``.
+    """
+    ids = found.best.ids
+    if not ids or found.probability[ids[0]] >= SURE:
+        return False
+    weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
+    likeliest, evidence = max(weighed, key=lambda item: item[1])
+    nats = temper(evidence - found.nothing.evidence)
+    without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
+    surest = min(likeliest, key=lambda m: without[m])
+    alone = next((h for h in found.singles if h.ids == (surest,)), None)
+    sure = RELIABLE * float(expit((evidence - without[surest]) / nats))
+    if alone is None or surest == ids[0] or sure < SURE_ALONE:
+        return False
+    found.best, found.verdict, found.probability = alone, "partly-explained", {surest: sure}
+    return True
+
+
 def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     gain = max(h.evidence - nothing.evidence, 0.0)
@@ -162,6 +185,11 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
 
+def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:
+    """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
+    return [d for d in doubles(name) if d in alone and abs(alone[d] - alone.get(name, 0.0)) < ALIKE]
+
+
 def _alone(found: Conclusion) -> dict[str, float]:
     """What each single gains over nothing [nats]."""
     nothing = found.nothing.evidence
@@ -170,11 +198,11 @@ def _alone(found: Conclusion) -> dict[str, float]:
 
 def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...], float]:
     """Log odds against the first name: of singles beside the best single named, of sets without it beside the best."""
-    ids = found.best.ids
-    alike = {*ids, *(d for m in ids for d in doubles(m))}
-    first = {d for m in ids[:1] for d in (m, *doubles(m))}
+    ids, alone = found.best.ids, _alone(found)
+    alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
+    first = {d for m in ids[:1] for d in (m, *_doubles_here(m, alone))}
     rivals: dict[tuple[str, ...], float] = {}
-    rivals |= {(m,): (gain - top) / nats for m, gain in _alone(found).items() if m not in alike}
+    rivals |= {(m,): (gain - top) / nats for m, gain in alone.items() if m not in alike}
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     return rivals | {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
 
@@ -202,5 +230,7 @@ def _probabilities(found: Conclusion) -> None:
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
     if ids:
         near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < SURE]
-        found.indistinguishable += [(ids[0], other) for other in (*doubles(ids[0]), *near) if other in alone]
+        found.indistinguishable += [
+            (ids[0], other) for other in (*_doubles_here(ids[0], alone), *near) if other in alone
+        ]
         found.indistinguishable += found.best.tied

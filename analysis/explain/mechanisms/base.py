@@ -75,9 +75,9 @@ class Mechanism:
     Class attributes ``id``, ``stage``, ``leaves_out`` (what a prediction without it leaves out), ``parameters``,
     ``needs`` (what a case must bring), ``source`` (paper, standard, manual), ``tie_breaker`` (a cheap measurement
     that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
-    formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``like_a_lens`` (its effect
-    looks like that of a lens simulated a little wrong, which every lens is), ``modelled_twice`` (its ways are models of
-    one and the same thing).
+    formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``local_error`` (the same,
+    from one direction to the next), ``like_a_lens`` (its effect looks like that of a lens simulated a little wrong,
+    which every lens is), ``modelled_twice`` (its ways are models of one and the same thing).
     """
 
     id: ClassVar[str]
@@ -90,6 +90,7 @@ class Mechanism:
     kinds: ClassVar[tuple[str, ...]] = ("goniometer",)
     random: ClassVar[bool] = False
     form_error: ClassVar[float] = 0.08
+    local_error: ClassVar[float] = 0.0
     like_a_lens: ClassVar[bool] = False
     modelled_twice: ClassVar[bool] = False
 
@@ -108,6 +109,10 @@ class Mechanism:
     def form_error_in(self, scene: Scene) -> float:
         """How wrong the form may be in this case, relative to the effect."""
         return self.form_error
+
+    def displaces_deg(self, scene: Scene) -> float:
+        """By how much it may move the edges of sharp images to either side [deg]: there its form tells little."""
+        return 0.0
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the light on its way; ``p`` are the parameters."""

@@ -46,6 +46,7 @@ class NearField(Mechanism):
     )
     tie_breaker = "the same scan with the arm's radius changed by a tenth"
     form_error = 0.2
+    local_error = 0.3
 
     def why_not(self, scene: Scene) -> str:
         """Only a far-field prediction can lack it."""
@@ -61,6 +62,13 @@ class NearField(Mechanism):
         """By re-simulation where there is one, and in closed form from the predicted far field itself."""
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
         return (Branch("traced"), Branch("closed form")) if retraced else (Branch("closed form"),)
+
+    def displaces_deg(self, scene: Scene) -> float:
+        """The aperture's half width as the sensors see it."""
+        case = scene.readings.case
+        widths = [max(s.aperture.size_m or (s.aperture.diameter_m or 0.0,)) for s in case.setup.system if s.aperture]
+        distance = scene.goniometer.distance_m if scene.goniometer else np.inf
+        return float(np.degrees(np.arctan(0.5 * max(widths, default=0.0) / distance)))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move both parts from far towards near."""
@@ -107,6 +115,7 @@ class GammaOffset(Mechanism):
     )
     source = "I(gamma + d, C)"
     tie_breaker = "a spirit level on the arm"
+    local_error = 0.2  # sharp images lie a little elsewhere than simulated
 
     def form_error_in(self, scene: Scene) -> float:
         """Between recorded directions the light is only interpolated."""
@@ -141,6 +150,7 @@ class COffset(Mechanism):
     )
     source = "I(gamma, C + d)"
     tie_breaker = "a lamp in a known direction, or a compass and the magnetic declination"
+    local_error = 0.3  # sharp images lie a little elsewhere than simulated
 
     def form_error_in(self, scene: Scene) -> float:
         """Between recorded directions the light is only interpolated."""
@@ -163,6 +173,7 @@ class CHandedness(Mechanism):
     stage = Stage.GONIOMETER
     leaves_out = "C runs the other way round: east and west are exchanged."
     parameters = (Parameter("zero_deg", "deg", "true C where the recorded C is 0", -180.0, 180.0, 3.0, (0.0,)),)
+    local_error = 0.2
     source = "I(gamma, d - C); report ch. 8, figures 77 and 79"
     tie_breaker = "a lamp in the east"
 

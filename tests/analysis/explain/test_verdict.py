@@ -9,8 +9,8 @@ from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis
-from analysis.explain.thresholds import RELIABLE, SURE
-from analysis.explain.verdict import Conclusion, Unnamed, decide, share_of, temper
+from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE
+from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
@@ -49,6 +49,33 @@ def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
     assert found.indistinguishable == [("c-offset", "gamma-offset")]
     assert found.alternatives[0][0] == ("gamma-offset",)
     assert found.probability["c-offset"] + sum(p for _, p in found.alternatives) <= 1.0
+
+
+def test_doubles_that_do_not_do_alike_are_rivals(arm: Scene) -> None:
+    """A leak that follows the daylight is not a reading in the dark."""
+    found = _decided(arm, ("stray-light", 200.0), ("dark-offset", 90.0))
+    assert found.indistinguishable == []
+    assert found.probability["stray-light"] < _decided(arm, ("stray-light", 200.0)).probability["stray-light"]
+
+
+def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
+    found = _decided(arm, ("meter-cosine", 120.0), ("soiling", 350.0), ("cosine-response", 119.0))
+    found.best = _hypothesis(arm, 385.0, "meter-cosine", "soiling")
+    found.considered = [(("nonlinearity", "soiling"), 380.0)]
+    decide(found, 1.0)
+    assert found.probability["meter-cosine"] < SURE
+    assert name_the_sure(found)
+    assert found.best.ids == ("soiling",)
+    assert found.verdict == "partly-explained"
+    assert SURE_ALONE < found.probability["soiling"] < RELIABLE
+
+
+def test_no_name_is_sure_where_likely_sets_do_without_it(arm: Scene) -> None:
+    found = _decided(arm, ("meter-cosine", 120.0), ("soiling", 350.0), ("cosine-response", 119.0))
+    found.best = _hypothesis(arm, 385.0, "meter-cosine", "soiling")
+    found.considered = [(("nonlinearity", "cosine-response"), 380.0)]
+    decide(found, 1.0)
+    assert not name_the_sure(found)
 
 
 def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:

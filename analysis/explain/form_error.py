@@ -1,0 +1,59 @@
+"""What the forms of mechanisms have wrong themselves, as random effects that grow with the change a mechanism makes.
+
+A formula is near the truth; a re-simulation is that of another lens, whose images lie a little elsewhere. Whoever
+takes the change of a mechanism for exact finds it too small (it is paid for where it is wrong), or finds another
+mechanism that is wrong in fewer places. So a change may be off by shares of itself: by a smooth function of direction,
+by a factor per test, and by a local function of direction.
+"""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fit import Extra, without
+from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.scene import Scene
+from analysis.explain.wander import sphere
+
+SMOOTH_DEG = 40.0
+LOCAL_DEG = 12.0
+"""Widths of the smooth and of the local function of direction [deg]."""
+
+
+def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Extra, ...]:
+    """Random effects for what the forms of ``terms`` may have wrong at their parameters (P,); none without terms."""
+    r = scene.readings
+    parts = []
+    by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
+    for k, term in enumerate(terms):
+        smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error
+        change = _change(scene, terms, theta, k)[:, None]
+        if smooth > 0.0:
+            parts += [
+                np.sqrt(0.5) * smooth * change * shape for shape in (_over_directions(scene, SMOOTH_DEG), by_test)
+            ]
+        if local > 0.0 and np.any(scene.is_gonio):
+            parts.append(local * change * _over_directions(scene, LOCAL_DEG))
+    return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
+
+
+def locally_wrong(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
+    """Standard deviation (N,) by which a single reading may miss what forms make of it, on the stretched scale."""
+    wrong = np.zeros(len(scene.readings))
+    for k, term in enumerate(terms):
+        wrong = np.hypot(wrong, term.mechanism.local_error * _change(scene, terms, theta, k))
+    return wrong
+
+
+def _change(scene: Scene, terms: tuple[Term, ...], theta: Floats, k: int) -> Floats:
+    """What the k-th mechanism changes on the stretched scale, the others being there; shape (N,)."""
+    r = scene.readings
+    with_it = r.stretched(predict(scene, terms, theta))
+    return np.asarray(with_it - r.stretched(predict(scene, *without(terms, theta, k))))
+
+
+def _over_directions(scene: Scene, degrees: float) -> Floats:
+    """A random function of direction (N, K), kept with the scene."""
+    key = (_over_directions, degrees)
+    if key not in scene.memory:
+        scene.memory[key] = sphere(scene, degrees)
+    return scene.memory[key]

@@ -1,0 +1,65 @@
+"""What forms have wrong grows with what they change, and a form that is wrong in places is found in its true size."""
+
+import numpy as np
+import pytest
+
+from analysis.explain.fit import MIDDLE, Fitter
+from analysis.explain.form_error import form_error
+from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.scene import Scene
+from analysis.explain.search import Search
+from tests.analysis.explain.test_mechanisms import term
+
+
+def _variance(scene: Scene, way: Term, theta: float) -> tuple[np.ndarray, np.ndarray]:
+    """Variance that is allowed for, and the squared change; shape (N,) each."""
+    at, r = np.array([theta]), scene.readings
+    change = r.stretched(predict(scene, (way,), at)) - r.stretched(predict(scene, (), np.zeros(0)))
+    return sum(np.sum(e.columns**2, axis=1) for e in form_error(scene, (way,), at)), change**2
+
+
+def test_without_a_mechanism_nothing_is_wrong(arm: Scene) -> None:
+    assert form_error(arm, (), np.zeros(0)) == ()
+
+
+def test_a_mechanism_that_changes_nothing_has_nothing_wrong(arm: Scene) -> None:
+    assert np.all(_variance(arm, term(arm, "c-offset"), 0.0)[0] == 0.0)
+
+
+@pytest.mark.parametrize(("mechanism", "theta"), [("c-offset", 5.0), ("gamma-offset", 2.0)])
+def test_the_error_is_a_share_of_the_change(arm: Scene, mechanism: str, theta: float) -> None:
+    way = term(arm, mechanism)
+    variance, change = _variance(arm, way, theta)
+    share = way.mechanism.form_error_in(arm) ** 2 + way.mechanism.local_error**2
+    seen = change > 1e-8
+    assert np.median(variance[seen] / change[seen]) == pytest.approx(share, rel=0.1)
+
+
+def test_a_form_that_is_locally_wrong_is_found_larger_with_its_error_than_without(arm: Scene) -> None:
+    """An arm that was turned by 6°, under images that lie elsewhere than simulated by a third of the turn's change."""
+    way, true = term(arm, "c-offset"), np.array([6.0])
+    r = arm.readings
+    base, turned = predict(arm, (), np.zeros(0)), predict(arm, (way,), true)
+    rng = np.random.default_rng(5)
+    off = 1.0 + 0.6 * rng.choice([-1.0, 1.0], len(base))  # of the change, from reading to reading
+    fitter = Fitter(arm)
+    fitter._seen = r.stretched(base + off * (turned - base))
+    plain = fitter.fit((way,), np.array([1.0]), MIDDLE)
+    fitter.weigh([plain])
+    found = Search(fitter, (), ())._allowing_for_form(plain)
+    assert found.log_evidence > plain.log_evidence + 20.0
+    assert abs(found.theta[0] - 6.0) <= abs(plain.theta[0] - 6.0) + 0.05
+    assert found.hyper.scatter <= plain.hyper.scatter
+
+
+def test_a_change_that_tells_nothing_is_no_reason_for_its_error(arm: Scene) -> None:
+    """Scatter where an arm's turn would show, but of no sign: a name that owes all to its error is not given."""
+    way = term(arm, "c-offset")
+    r = arm.readings
+    base, turned = predict(arm, (), np.zeros(0)), predict(arm, (way,), np.array([6.0]))
+    either = np.random.default_rng(6).choice([-1.0, 1.0], len(base))
+    fitter = Fitter(arm)
+    fitter._seen = r.stretched(base + 0.5 * either * (turned - base))
+    plain = fitter.fit((way,), np.array([1.0]), MIDDLE)
+    fitter.weigh([plain])
+    assert Search(fitter, (), ())._allowing_for_form(plain) is plain
