@@ -76,3 +76,6 @@ TEMPER = 2.5
 quite right."""
 LEFT_OVER = 0.5
 """What is left beside a name speaks against it by this share. Both were fitted to which names were right."""
+TEMPER_RANDOM = 5.0
+"""What `TEMPER` comes to, at most, for a law beside a random function: that holds every law, so a law that does as well
+is likely."""

@@ -27,6 +27,7 @@ from analysis.explain.thresholds import (
     SURE,
     SURE_ALONE,
     TEMPER,
+    TEMPER_RANDOM,
     UNNAMED,
     UNNAMED_ALONE,
 )
@@ -202,7 +203,9 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
     first = {d for m in ids[:1] for d in (m, *_doubles_here(m, alone))}
     rivals: dict[tuple[str, ...], float] = {}
-    rivals |= {(m,): (gain - top) / nats for m, gain in alone.items() if m not in alike}
+    random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
+    units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
+    rivals |= {(m,): (gain - top) / units[m] for m, gain in alone.items() if m not in alike}
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     return rivals | {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
 

@@ -102,6 +102,7 @@ class Nonlinearity(Mechanism):
     stage = Stage.SENSORS
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
+    response = replace(parameters[0], sigma=0.1)  # of a camera's curve, or of a roof meter
     bend = Parameter("bend", "1", "relative error of the brightest reading", -0.8, 0.8, 0.1, (-0.3, -0.05, 0.05, 0.3))
     step = Parameter("step", "1", "relative error of all readings in the upper range", -0.4, 0.4, 0.04, (-0.04, 0.04))
     range_at = Parameter(
@@ -127,7 +128,7 @@ class Nonlinearity(Mechanism):
         """Those of the form; a single meter was calibrated at some level that nobody knows."""
         if isinstance(branch.value, tuple):
             return (self.bend,) if branch.value[1] == "bent" else (self.step, self._range_within(scene, branch))
-        return self.parameters if branch.value == "goniometer" else (*self.parameters, self.true_at)
+        return self.parameters if branch.value == "goniometer" else (self.response, self.true_at)
 
     def _range_within(self, scene: Scene, branch: Branch) -> Parameter:
         """Ranges change where there are readings on both sides: a step below all of them is a gain."""

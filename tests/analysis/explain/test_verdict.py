@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.explain.families import SHUTTER
 from analysis.explain.fit import MIDDLE, Fit
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import terms_of
@@ -76,6 +77,17 @@ def test_no_name_is_sure_where_likely_sets_do_without_it(arm: Scene) -> None:
     found.considered = [(("nonlinearity", "cosine-response"), 380.0)]
     decide(found, 1.0)
     assert not name_the_sure(found)
+
+
+def test_a_law_that_does_as_well_as_a_random_function_is_likely(picture: Scene) -> None:
+    """A random function of level holds every law of level; its evidence is not that of another form."""
+    law, rival = _hypothesis(picture, 95.0, "nonlinearity"), _hypothesis(picture, 90.0, "exposure-error")
+    found = Conclusion(law, _hypothesis(picture, 0.0), [law, rival], one_instrument=True)
+    decide(found, 1.0)
+    doubtful = found.probability["nonlinearity"]
+    rival.wanders = ((SHUTTER, 0.05, 1.0),)
+    decide(found, 1.0)
+    assert doubtful < SURE < found.probability["nonlinearity"]
 
 
 def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:
