@@ -49,7 +49,7 @@ APART = 1.2
 """Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
-SURE_ALONE = 0.8
+SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""

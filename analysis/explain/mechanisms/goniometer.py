@@ -115,7 +115,6 @@ class GammaOffset(Mechanism):
     )
     source = "I(gamma + d, C)"
     tie_breaker = "a spirit level on the arm"
-    local_error = 0.2  # sharp images lie a little elsewhere than simulated
 
     def form_error_in(self, scene: Scene) -> float:
         """Between recorded directions the light is only interpolated."""
@@ -173,7 +172,6 @@ class CHandedness(Mechanism):
     stage = Stage.GONIOMETER
     leaves_out = "C runs the other way round: east and west are exchanged."
     parameters = (Parameter("zero_deg", "deg", "true C where the recorded C is 0", -180.0, 180.0, 3.0, (0.0,)),)
-    local_error = 0.2
     source = "I(gamma, d - C); report ch. 8, figures 77 and 79"
     tie_breaker = "a lamp in the east"
 

@@ -33,7 +33,6 @@ class LensHaze(Retraced):
     """The lens scatters part of the light widely."""
 
     like_a_lens = True
-    local_error = 0.0
 
     id = "lens-haze"
     stage = Stage.OPTICS
@@ -176,7 +175,6 @@ class Soiling(Mechanism):
         "Martin and Ruiz 2001, Sol. Energy Mater. 70"
     )
     form_error = 0.2  # dirt is not even, nor alike at all angles
-    local_error = 0.3
     tie_breaker = "the same sky before and after cleaning"
 
     def why_not(self, scene: Scene) -> str:

@@ -18,7 +18,6 @@ class Retraced(Mechanism):
     """Base: one branch per path of settings that can be had, a position along it as parameter."""
 
     form_error = 0.2  # what a change does is taken from another engine, or from another lens
-    local_error = 0.3
 
     def why_not(self, scene: Scene) -> str:
         """There must be a re-simulation."""

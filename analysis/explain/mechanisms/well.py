@@ -11,6 +11,7 @@ class WallReflectance(Retraced):
     id = "wall-reflectance"
     stage = Stage.WELL
     leaves_out = "The well's walls reflect more or less than was simulated; it counts once per bounce."
+    local_error = 0.3  # where light of many bounces leaves, the lens decides
     parameters = (Parameter("wall_reflectance", "1", "reflectance of the well", 0.3, 1.0, 0.03, (0.9,), centre=0.95),)
     needs = "a variant, or the systems' description"
     source = "sum over bounces R^n S_n; Swift and Smith 1995, Sol. Energy Mater. Sol. Cells 36"
@@ -23,6 +24,7 @@ class BounceTruncation(Retraced):
     id = "bounce-truncation"
     stage = Stage.WELL
     leaves_out = "The simulation stopped its rays after too few bounces; light that bounces often is missing."
+    local_error = 0.3  # where light of many bounces leaves, the lens decides
     parameters = (
         Parameter(
             "max_bounces", "1", "wall bounces after which the simulation stopped", 1.0, 40.0, 12.0, (4.0,), centre=40.0
