@@ -115,7 +115,7 @@ class Nonlinearity(Mechanism):
         "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y (1 + s) in the upper range; "
         "CIE/ISO 19476 f3 (linearity), f11 (range change)"
     )
-    tie_breaker = "the same scan with a neutral filter over the aperture"
+    tie_breaker = "the same readings once more through a neutral filter"
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
@@ -180,7 +180,7 @@ class Saturation(Mechanism):
         "slope", "1", "share of the sensitivity that is left beyond", 0.0, 1.0, 0.4, (0.2, 0.6), centre=0.3
     )
     source = "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), min(y, Y) (converter's end), Y + s (y-Y) (amplifier's knee)"
-    tie_breaker = "the same scan with a neutral filter over the aperture"
+    tie_breaker = "the same readings once more through a neutral filter"
     kinds = _ALL
 
     def why_not(self, scene: Scene) -> str:
