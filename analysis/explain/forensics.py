@@ -25,6 +25,9 @@ _KNOWN_FACTORS = {
     1e-3: "a factor 1/1000",
 }
 
+_FEW_LOST, _BY_CHANCE = 4, -6.0
+"""Fewer missing readings among the brightest say nothing; nor do those that chance [log10] loses more often."""
+
 
 def forensics(readings: Readings) -> list[str]:
     """All findings, as sentences."""
@@ -45,6 +48,26 @@ def _missing(case: Case) -> Iterator[str]:
     empty = int(np.count_nonzero(np.isnan(case.records.measured)))
     if empty:
         yield f"{empty} of {len(case.records)} readings are missing."
+    kinds = np.array([c.kind for c in case.channels])[case.records.channel]
+    for kind in dict.fromkeys(kinds.tolist()):
+        yield from _brightest_missing(case, kinds == kind)
+
+
+def _brightest_missing(case: Case, rows: NDArray[np.bool_]) -> Iterator[str]:
+    """Of a kind of channel: are just those readings missing that should be the largest?"""
+    order = np.argsort(-case.records.simulated[rows], kind="stable")
+    there = np.isfinite(case.records.measured[rows])[order]
+    lost, first = int(np.count_nonzero(~there)), int(np.argmax(there))
+    if not np.any(there) or first < _FEW_LOST:
+        return
+    chances = (lost - np.arange(first)) / (len(there) - np.arange(first))  # each of the brightest lost by chance
+    if float(np.sum(np.log10(chances))) < _BY_CHANCE:
+        units = {case.channels[k].unit for k in np.unique(case.records.channel[rows])}
+        level = float(case.records.simulated[rows][order[first]])
+        yield (
+            f"None of the {first} readings predicted above {level:.4g} {'/'.join(sorted(units))} is there, though only "
+            f"{lost} of {len(there)} are missing: does the range end there?"
+        )
 
 
 def _stamps(r: Readings) -> Iterator[str]:
