@@ -62,8 +62,11 @@ def _brightest_missing(case: Case, rows: NDArray[np.bool_]) -> Iterator[str]:
         return
     chances = (lost - np.arange(first)) / (len(there) - np.arange(first))  # each of the brightest lost by chance
     if float(np.sum(np.log10(chances))) < _BY_CHANCE:
-        units = {case.channels[k].unit for k in np.unique(case.records.channel[rows])}
+        channels = [case.channels[k] for k in np.unique(case.records.channel[rows])]
+        units = {c.unit for c in channels}
         level = float(case.records.simulated[rows][order[first]])
+        if level > 0.8 * max(c.range_max or np.inf for c in channels):
+            return  # beyond the stated range nothing can be there
         yield (
             f"None of the {first} readings predicted above {level:.4g} {'/'.join(sorted(units))} is there, though only "
             f"{lost} of {len(there)} are missing: does the range end there?"

@@ -86,6 +86,13 @@ def test_readings_that_are_missing_here_and_there_are_only_counted(clean: Case) 
     assert "does the range end there" not in told
 
 
+def test_beyond_the_stated_range_nothing_is_missed(clean: Case) -> None:
+    brightest = float(clean.records.simulated.max())
+    stated = tuple(c.model_copy(update={"range_max": 0.9 * brightest}) for c in clean.channels)
+    case = dataclasses.replace(clean, setup=clean.setup.model_copy(update={"channel": stated}))
+    assert "does the range end there" not in _told(_recorded(case, _without_the_brightest))
+
+
 def test_a_sun_that_does_not_follow_from_site_and_time_is_told(clean: Case) -> None:
     azimuth = clean.tests[0].sun_azimuth_deg
     assert azimuth is not None
