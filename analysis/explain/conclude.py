@@ -10,7 +10,6 @@ from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     BASES,
-    FORM_OF_SIZE,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
@@ -72,11 +71,11 @@ def _widen(search: Search, found: Conclusion) -> None:
     fit.covariance = posterior_covariance(whitener, fit) + (0.0 if fit.spread is None else fit.spread)
     if len(fit.terms) == 1 and fit.terms[0].mechanism.modelled_twice:
         fit.covariance = fit.covariance + _between_ways(fit, found)
-    fit.covariance = fit.covariance + np.diag(np.square(FORM_OF_SIZE * _sizes(search, fit)))
+    fit.covariance = fit.covariance + np.diag(np.square(_open_sizes(search, fit)))
 
 
-def _sizes(search: Search, fit: Fit) -> Floats:
-    """How far each parameter (P,) is from changing nothing: a form that is wrong by a share has it wrong by that share.
+def _open_sizes(search: Search, fit: Fit) -> Floats:
+    """What forms leave open of each parameter (P,): their share of how far it is from changing nothing.
 
     Of a lone parameter that is the change it makes over the change per unit, whatever its scale.
     """
@@ -91,7 +90,7 @@ def _sizes(search: Search, fit: Fit) -> Floats:
             per_unit = max(float(np.linalg.norm(fit.jacobian[:, mine])), 1e-12)
             at_most = sizes[0] if term.parameters[0].centre == 0.0 else np.inf
             sizes = np.array([min(change / per_unit, at_most)])
-        found += sizes.tolist()
+        found += (term.mechanism.size_error_in(search.scene) * sizes).tolist()
     return np.array(found)
 
 

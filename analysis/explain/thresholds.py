@@ -69,8 +69,6 @@ DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
 """Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
 ALIKE = 6.0
 """Doubles whose evidence differs by more than this [nats] are not doubles in this case."""
-FORM_OF_SIZE = 0.18
-"""Share of an effect's size that its form leaves open; a parameter's uncertainty holds it."""
 TEMPER = 2.5
 """This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
 quite right."""

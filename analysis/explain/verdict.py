@@ -157,10 +157,11 @@ def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], g
 def name_the_sure(found: Conclusion) -> bool:
     """Where the first name is doubtful: name the one that all likely sets hold, if there is one, and say so.
 
-    What else there is stays open: the verdict is ``partly-explained``.
+    What else there is stays open: the verdict is ``partly-explained``. Of one instrument nothing is named so: what else
+    is wrong with it decides how large the named is.
     """
     ids = found.best.ids
-    if not ids or found.probability[ids[0]] >= SURE:
+    if found.one_instrument or not ids or found.probability[ids[0]] >= SURE:
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])

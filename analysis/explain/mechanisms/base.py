@@ -15,6 +15,11 @@ from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
+FORM_OF_SIZE = 0.18
+"""Share of an effect's size that its form usually leaves open, set on a blind trial (docs/explaining.md)."""
+IMAGES_OF_SIZE = 0.5
+"""The same where sharp images move: under a lens that is blurred otherwise than simulated they seem to move less."""
+
 
 class Stage(IntEnum):
     """Where in the chain a mechanism acts; the order is the order of application."""
@@ -109,6 +114,10 @@ class Mechanism:
     def form_error_in(self, scene: Scene) -> float:
         """How wrong the form may be in this case, relative to the effect."""
         return self.form_error
+
+    def size_error_in(self, scene: Scene) -> float:
+        """Share of the effect's size that the form leaves open in this case; a parameter's uncertainty holds it."""
+        return FORM_OF_SIZE
 
     def displaces_deg(self, scene: Scene) -> float:
         """By how much it may move the edges of sharp images to either side [deg]: there its form tells little."""

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from analysis.cases.model import Aperture, Floats
 from analysis.explain.geometry import apply_operator, near_field_matrix
-from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
@@ -154,6 +154,10 @@ class COffset(Mechanism):
     def form_error_in(self, scene: Scene) -> float:
         """Between recorded directions the light is only interpolated."""
         return _INTERPOLATED if scene.interpolated else self.form_error
+
+    def size_error_in(self, scene: Scene) -> float:
+        """Images that are not as sharp as simulated seem to turn less."""
+        return IMAGES_OF_SIZE
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields elsewhere."""

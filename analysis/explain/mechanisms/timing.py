@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
-from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
@@ -63,6 +63,10 @@ class ClockOffset(Mechanism):
     def form_error_in(self, scene: Scene) -> float:
         """Between the directions of a picture the sky is only guessed."""
         return 0.25 if scene.kinds == ("sky",) else self.form_error
+
+    def size_error_in(self, scene: Scene) -> float:
+        """Images that are not as sharp as simulated seem to move less."""
+        return IMAGES_OF_SIZE if np.any(scene.is_gonio) else super().size_error_in(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""

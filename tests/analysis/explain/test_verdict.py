@@ -71,6 +71,17 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
 
 
+def test_of_one_instrument_no_name_is_given_without_what_else_is_wrong_with_it(arm: Scene) -> None:
+    found = _decided(arm, ("nonlinearity", 321.0), ("meter-tilt", 171.0), ("meter-cosine", 320.0))
+    found.considered = [(("nonlinearity", "meter-tilt"), 643.0), (("meter-cosine", "meter-tilt"), 632.0)]
+    decide(found, 1.0)
+    found.one_instrument = True
+    assert not name_the_sure(found)
+    found.one_instrument = False
+    assert name_the_sure(found)
+    assert found.best.ids == ("meter-tilt",)
+
+
 def test_no_name_is_sure_where_likely_sets_do_without_it(arm: Scene) -> None:
     found = _decided(arm, ("meter-cosine", 120.0), ("soiling", 350.0), ("cosine-response", 119.0))
     found.best = _hypothesis(arm, 385.0, "meter-cosine", "soiling")
