@@ -1,9 +1,9 @@
 """What the forms of mechanisms have wrong themselves, as random effects that grow with the change a mechanism makes.
 
 A formula is near the truth; a re-simulation is that of another lens, whose images lie a little elsewhere. Whoever
-takes the change of a mechanism for exact finds it too small (it is paid for where it is wrong), or finds another
-mechanism that is wrong in fewer places. So a change may be off by shares of itself: by a smooth function of direction,
-by a factor per test, and by a local function of direction.
+takes the change of a mechanism for exact calls the rest scatter, or finds another mechanism that is wrong in fewer
+places. So a change may be off by shares of itself: by a smooth function of direction, by a factor per test, and by a
+local function of direction. Shares are those by which forms missed in a blind trial (docs/explaining.md), and less.
 """
 
 import numpy as np

@@ -158,7 +158,7 @@ class Search:
     def _allowing_for_form(self, plain: Fit) -> Fit:
         """The fit with its own form's error, if the change itself tells something beside its error.
 
-        The error grows with the change. A form that is taken for exact pays wherever it is wrong, and is found too
+        The error grows with the change. A form that is taken for exact pays wherever it is wrong, and may be found too
         small: so one fit begins at a larger change.
         """
         centre = np.array([p.centre for p in plain.parameters])
