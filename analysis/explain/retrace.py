@@ -95,7 +95,7 @@ class Retraced:
         return paths[0].change(minutes, one)[0]
 
     def aureole(self, width_deg: float) -> Floats | None:
-        """See `Simulator.aureole`, as fields times the baseline; ``None`` without a simulator."""
+        """See `Simulator.aureole`: a ratio; ``None`` without a simulator."""
         return self.simulator.aureole(width_deg) if self.simulator else None
 
     def near_field(self) -> tuple[Floats, Floats] | None:

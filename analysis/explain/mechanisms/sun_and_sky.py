@@ -69,11 +69,8 @@ class CircumsolarAureole(Mechanism):
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Blur the sun part by the aureole: by re-simulation where there is one, else on the outgoing sphere."""
-        wide = scene.retraced.aureole(float(p[1])) if scene.retraced else None
-        if wide is None:
-            wide = blurred(scene, light.sun, float(p[1]))
-        else:
-            wide = wide * np.divide(light.sun, scene.fields.sun, out=np.ones_like(wide), where=scene.fields.sun > 0)
+        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced else None
+        wide = blurred(scene, light.sun, float(p[1])) if ratio is None else light.sun * ratio
         light.sun = light.sun + p[0] * (wide - light.sun)
 
     def statement(self, p: Floats, branch: Branch) -> str:
