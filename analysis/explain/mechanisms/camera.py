@@ -32,7 +32,7 @@ def zenith_angle(scene: Scene) -> Floats:
     return np.where(np.isnan(gamma), 0.0, np.abs(180.0 - np.nan_to_num(gamma, nan=180.0)) / 90.0)
 
 
-class _CameraMechanism(Mechanism):
+class CameraMechanism(Mechanism):
     """Base: it needs luminance readings; some need more than one direction."""
 
     stage = Stage.CAMERA
@@ -48,7 +48,7 @@ class _CameraMechanism(Mechanism):
         return ""
 
 
-class Vignetting(_CameraMechanism):
+class Vignetting(CameraMechanism):
     """The fisheye's image darkens towards its rim."""
 
     id = "vignetting"
@@ -73,36 +73,7 @@ class Vignetting(_CameraMechanism):
         return f"The fisheye loses {p[0]:.0%} of the luminance at its rim ({branch.label}); this was not corrected."
 
 
-class VeilingGlare(_CameraMechanism):
-    """Light scattered in the lens lays a veil over the picture."""
-
-    id = "veiling-glare"
-    leaves_out = "Light scattered in the camera's lens lays a veil over the whole picture."
-    parameters = (Parameter("veil", "1", "veil over the mean luminance of the sky", 0.0, 0.6, 0.06, (0.01, 0.05)),)
-    source = "L + v <L>, <L> = diffuse illuminance / pi where it is known; Talvala et al. 2007; McCann and Rizzi 2007"
-    tie_breaker = "a black target in the picture"
-
-    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Add the veil (or take it off)."""
-        sign = np.where(camera_is_measured(scene), 1.0, -1.0)
-        return np.where(scene.is_sky, values + sign * p[0] * _mean_luminance(scene), values)
-
-    def statement(self, p: Floats, branch: Branch) -> str:
-        """Say how strong."""
-        return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
-
-
-def _mean_luminance(scene: Scene) -> Floats:
-    """Mean luminance of each row's sky [cd/m²], from the diffuse illuminance, else from the rows of the test."""
-    r = scene.readings
-    count = len(r.case.tests)
-    rows = np.where(scene.is_sky, r.simulated, 0.0)
-    n = np.maximum(np.bincount(r.test, weights=scene.is_sky.astype(float), minlength=count), 1.0)
-    mean = np.bincount(r.test, weights=rows, minlength=count) / n
-    return np.asarray(np.where(np.isfinite(r.diffuse_lx), r.diffuse_lx / np.pi, mean)[r.test])
-
-
-class SpectralMismatch(_CameraMechanism):
+class SpectralMismatch(CameraMechanism):
     """Blue sky is not what the luminance weights were made for."""
 
     id = "spectral-mismatch"
@@ -185,7 +156,7 @@ def _blue_share(scene: Scene) -> Floats:
     return share
 
 
-class ExposureError(_CameraMechanism):
+class ExposureError(CameraMechanism):
     """True shutter times differ from nominal ones: each stretch of the luminance scale has its own error."""
 
     id = "exposure-error"
@@ -208,7 +179,7 @@ class ExposureError(_CameraMechanism):
         )
 
 
-class ProjectionError(_CameraMechanism):
+class ProjectionError(CameraMechanism):
     """The lens maps angles otherwise than assumed."""
 
     id = "projection-error"

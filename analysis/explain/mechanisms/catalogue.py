@@ -2,6 +2,7 @@
 
 from analysis.explain.mechanisms import (
     camera,
+    glare,
     goniometer,
     lens,
     roof_meters,
@@ -42,7 +43,7 @@ CATALOGUE: tuple[Mechanism, ...] = (
     roof_meters.MeterCosine(),
     roof_meters.MeterRangeLimit(),
     camera.Vignetting(),
-    camera.VeilingGlare(),
+    glare.VeilingGlare(),
     camera.SpectralMismatch(),
     camera.ExposureError(),
     camera.ProjectionError(),

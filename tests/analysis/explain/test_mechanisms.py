@@ -267,6 +267,20 @@ def test_a_veil_is_a_share_of_the_mean_luminance(picture: Scene) -> None:
     assert acted(picture, "veiling-glare", "", 0.04) == pytest.approx(picture.readings.simulated + 0.04 * mean)
 
 
+def test_light_that_is_spread_about_leaves_what_is_bright_for_what_is_dark(picture: Scene) -> None:
+    r = picture.readings
+    change = acted(picture, "veiling-glare", "spread about", 0.2) - r.simulated
+    for k in np.unique(r.test):
+        rows = r.test == k
+        assert change[rows][np.argmax(r.simulated[rows])] < 0.0 < change[rows][np.argmin(r.simulated[rows])]
+        assert abs(change[rows].sum()) < 0.1 * np.abs(change[rows]).sum() + 0.02 * r.simulated[rows].sum()
+
+
+def test_an_even_sky_stays_even_when_its_light_is_spread_about(picture: Scene) -> None:
+    even = dataclasses.replace(picture.readings, simulated=np.full(len(picture.readings), 5000.0))
+    assert acted(Scene(even), "veiling-glare", "spread about", 0.4) == pytest.approx(5000.0)
+
+
 @pytest.mark.parametrize("way", ["", "growing to the rim"])
 def test_a_wrong_projection_reads_the_sky_beside(picture: Scene, way: str) -> None:
     shift = 2.0 * (np.sin(2.0 * np.radians(ZENITH)) if way == "" else ZENITH / 90.0)

@@ -1,0 +1,74 @@
+"""Light that a camera's lens scatters: a veil over the picture, or light that is spread about in it."""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch
+from analysis.explain.mechanisms.camera import CameraMechanism, camera_is_measured, zenith_angle
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Scene
+from analysis.explain.sky_shape import towards
+
+
+class VeilingGlare(CameraMechanism):
+    """Light scattered in the lens lays a veil over the picture."""
+
+    id = "veiling-glare"
+    leaves_out = "Light scattered in the camera's lens lays a veil over the whole picture."
+    parameters = (Parameter("veil", "1", "veil over the mean luminance of the sky", 0.0, 0.6, 0.06, (0.01, 0.05)),)
+    source = (
+        "L + v <L>, <L> = diffuse illuminance / pi where it is known; or (1-v) L + v (mean weighted by 1/angle², after "
+        "Stiles and Holladay); Talvala et al. 2007; McCann and Rizzi 2007"
+    )
+    tie_breaker = "a black target in the picture"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """A veil all over; where many directions were read also light that is spread about."""
+        few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
+        return (Branch(),) if few or np.ptp(zenith_angle(scene)) < 0.2 else (Branch(), Branch("spread about", "spread"))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Light that only goes elsewhere shows less."""
+        return (_SPREAD,) if branch.value else self.parameters
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Add the veil, or spread the light (or take it back)."""
+        sign = np.where(camera_is_measured(scene), 1.0, -1.0)
+        more = scene.remember(_spread) if branch.value else _mean_luminance(scene)
+        return np.where(scene.is_sky, values + sign * p[0] * more, values)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how strong."""
+        if branch.value:
+            return f"{p[0]:.1%} of the light is spread about over the picture (scattered in the lens)."
+        return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
+
+
+_SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
+_DIRECTIONS = 6
+"""Fewer directions do not show a sky."""
+_CORE_DEG = 10.0
+"""Within this angle light is spread evenly, for the directions that were read are as far apart."""
+
+
+def _spread(scene: Scene) -> Floats:
+    """Mean predicted luminance of each row's test, weighted by 1/(angle² + core²), less its own [cd/m²]; (N,)."""
+    r = scene.readings
+    v = towards(r)
+    made = np.zeros(len(r))
+    for k in np.unique(r.test[scene.is_sky]):
+        rows = np.flatnonzero((r.test == k) & scene.is_sky)
+        angle = np.degrees(np.arccos(np.clip(v[rows] @ v[rows].T, -1.0, 1.0)))
+        weight = 1.0 / (angle**2 + _CORE_DEG**2)
+        made[rows] = weight @ r.simulated[rows] / weight.sum(axis=1) - r.simulated[rows]
+    return made
+
+
+def _mean_luminance(scene: Scene) -> Floats:
+    """Mean luminance of each row's sky [cd/m²], from the diffuse illuminance, else from the rows of the test."""
+    r = scene.readings
+    count = len(r.case.tests)
+    rows = np.where(scene.is_sky, r.simulated, 0.0)
+    n = np.maximum(np.bincount(r.test, weights=scene.is_sky.astype(float), minlength=count), 1.0)
+    mean = np.bincount(r.test, weights=rows, minlength=count) / n
+    return np.asarray(np.where(np.isfinite(r.diffuse_lx), r.diffuse_lx / np.pi, mean)[r.test])
