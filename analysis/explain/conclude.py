@@ -84,7 +84,9 @@ def _open_sizes(search: Search, fit: Fit) -> Floats:
     model = r.stretched(predict(search.scene, fit.terms, fit.theta))
     for k, term in enumerate(fit.terms):
         mine = slice(len(found), len(found) + len(term.parameters))
-        sizes = np.abs(fit.theta[mine])
+        sizes = np.array(
+            [0.0 if q.direction else abs(x) for q, x in zip(term.parameters, fit.theta[mine], strict=True)]
+        )
         if len(sizes) == 1:
             change = np.linalg.norm(model - r.stretched(predict(search.scene, *without(fit.terms, fit.theta, k))))
             per_unit = max(float(np.linalg.norm(fit.jacobian[:, mine])), 1e-12)

@@ -19,6 +19,8 @@ class Parameter:
         Values from which fits are started.
     per_unit
         Factor from the fitted number to the reported one (the fit works in lx, cd, cd/m²).
+    direction
+        Whether it is a direction, whose number is no size.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Parameter:
     starts: tuple[float, ...]
     centre: float = 0.0
     per_unit: float = 1.0
+    direction: bool = False
 
     @property
     def one_sided(self) -> bool:

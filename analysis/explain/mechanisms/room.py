@@ -85,6 +85,7 @@ class StrayLight(Mechanism):
         105.0,
         (0.0, 90.0, 180.0, 270.0),
         centre=180.0,
+        direction=True,
     )
     needs = "goniometer (its distance)"
     source = (
@@ -129,4 +130,5 @@ class StrayLight(Mechanism):
             if branch.label == "constant"
             else "a leak, proportional to the daylight outside, of on average"
         )
-        return f"A light that is not the skylight's reaches the sensors: {kind} {p[0]:.2f} lx."
+        side = f", strongest at C {p[1] % 360.0:.0f}°" if branch.label == _FROM_ONE_SIDE else ""
+        return f"A light that is not the skylight's reaches the sensors: {kind} {p[0]:.2f} lx{side}."
