@@ -25,13 +25,13 @@ def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Ex
     parts = []
     by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
     for k, term in enumerate(terms):
-        smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error
+        smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error_in(scene)
         change = _change(scene, terms, theta, k)[:, None]
         if smooth > 0.0:
             parts += [
                 np.sqrt(0.5) * smooth * change * shape for shape in (_over_directions(scene, SMOOTH_DEG), by_test)
             ]
-        if local > 0.0 and np.any(scene.is_gonio):
+        if local > 0.0:
             parts.append(local * change * _over_directions(scene, LOCAL_DEG))
     return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
@@ -40,7 +40,7 @@ def locally_wrong(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Float
     """Standard deviation (N,) by which a single reading may miss what forms make of it, on the stretched scale."""
     wrong = np.zeros(len(scene.readings))
     for k, term in enumerate(terms):
-        wrong = np.hypot(wrong, term.mechanism.local_error * _change(scene, terms, theta, k))
+        wrong = np.hypot(wrong, term.mechanism.local_error_in(scene) * _change(scene, terms, theta, k))
     return wrong
 
 

@@ -151,7 +151,11 @@ class Search:
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
         """The best way fitted again with what its form may have wrong, if it tells enough and may be locally wrong."""
         best = max(ways, key=lambda f: f.log_evidence, default=None)
-        if best is None or best.log_evidence < least or not any(t.mechanism.local_error for t in best.terms):
+        if (
+            best is None
+            or best.log_evidence < least
+            or not any(t.mechanism.local_error_in(self.scene) for t in best.terms)
+        ):
             return ways
         return [self._allowing_for_form(f) if f is best else f for f in ways]
 

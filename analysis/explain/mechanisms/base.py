@@ -115,6 +115,10 @@ class Mechanism:
         """How wrong the form may be in this case, relative to the effect."""
         return self.form_error
 
+    def local_error_in(self, scene: Scene) -> float:
+        """The same from one direction to the next: only below a skylight are images so sharp that it matters."""
+        return self.local_error if np.any(scene.is_gonio) else 0.0
+
     def size_error_in(self, scene: Scene) -> float:
         """Share of the effect's size that the form leaves open in this case; a parameter's uncertainty holds it."""
         return FORM_OF_SIZE

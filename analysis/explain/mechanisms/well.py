@@ -39,6 +39,7 @@ class WallScatter(Retraced):
     """The specular wall scatters a little."""
 
     like_a_lens = True
+    local_error = 0.3  # by what lobe a wall scatters is not known
 
     id = "wall-scatter"
     stage = Stage.WELL
