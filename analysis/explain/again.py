@@ -13,8 +13,9 @@ from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
-from analysis.explain.tracing import daylight_of, ratio, systems_of
+from analysis.explain.tracing import HAZES, daylight_of, ratio, systems_of
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.room import Room
@@ -26,6 +27,7 @@ RAYS = 150_000
 SETTING_OF = {
     "rotation_deg": "rotation_deg",
     "haze": "haze",
+    "loss": "soiling",
     "scatter": "diffuse_fraction",
     "scatter_deg": "scatter_deg",
     "wall_reflectance": "wall_reflectance",
@@ -75,8 +77,8 @@ def _sorted_out(
         p = theta[start : start + len(term.parameters)]
         start += len(term.parameters)
         name = term.parameters[0].name if term.parameters else ""
-        if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and not isinstance(term.branch.value, str):
-            settings.append((_system_in(scene, term.branch.label), SETTING_OF[name], float(p[0])))
+        if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and isinstance(term.branch.value, Path | None):
+            settings.append((_system_in(scene, term.branch.label), *_setting(name, float(p[0]), term.branch.label)))
             ids.append(term.mechanism.id)
             continue
         if term.mechanism.id == "room-interreflection":
@@ -85,6 +87,14 @@ def _sorted_out(
         kept.append(term)
         values.append(p)
     return settings, kept, values, ids
+
+
+def _setting(name: str, value: float, label: str) -> tuple[str, float]:
+    """The simulator's setting and its value, for a parameter of a path."""
+    if name == "loss":
+        return SETTING_OF[name], -float(np.log1p(-value))
+    places = [place for where, names in HAZES.items() if label.startswith(where) for place in names]
+    return f"{places[0]}.haze" if name == "haze" and places else SETTING_OF[name], value
 
 
 def _system_in(scene: Scene, label: str) -> str | None:

@@ -21,6 +21,7 @@ from labdaq.errors import DataError
 
 _SIMULATED = {
     "lens-haze",
+    "soiling",
     "lens-anisotropy",
     "lens-orientation",
     "wall-reflectance",

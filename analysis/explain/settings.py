@@ -4,7 +4,9 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 """
 
 import dataclasses
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
@@ -12,13 +14,17 @@ import numpy as np
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.tracing import (
+    DEPTHS,
     DIFFUSE_SHARES,
+    HAZE,
+    HAZES,
     SCATTERS_DEG,
     TURNS_DEG,
     Field,
     Setting,
     Tracing,
     daylight_of,
+    haze,
     ratio,
 )
 from analysis.simulate.variants import Parts
@@ -29,12 +35,14 @@ UNLIMITED: Final = 40.0
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
 LEAST, MOST = 0.05, 0.998
 """Changes of a wall's reflectance that are tried, and between what it must stay."""
-MINUTES: Final = (-15.0, -5.0, 5.0, 15.0)
+MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
 
 
 def paths_of(traced: Tracing) -> dict[str, tuple[Path, ...]]:
     """Each mechanism's paths of settings; none where the case has no such setting."""
     made: dict[str, tuple[Path, ...]] = {
+        "lens-haze": tuple(_every(traced, _hazes(traced))),
+        "soiling": tuple(_every(traced, _dirt(traced))),
         "lens-orientation": tuple(_every(traced, _turns(traced))),
         "lens-anisotropy": tuple(_every(traced, _isotropy(traced))),
         "wall-scatter": tuple(_every(traced, _scatter(traced))),
@@ -90,6 +98,20 @@ def _turns(traced: Tracing) -> Iterator[Path]:
         sun=np.concatenate([path.sun, one]),
         sky=np.concatenate([path.sky, one]),
     )
+
+
+def _hazes(traced: Tracing) -> Iterator[Path]:
+    what = "share of the transmitted light that is scattered widely"
+    for label, where in HAZES.items():
+        share = Parameter("haze", "1", what, 0.0, 0.6, 0.12, (0.02, 0.06, 0.2))
+        yield _along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
+
+
+def _dirt(traced: Tracing) -> Iterator[Path]:
+    """Along the transmittance lost at normal incidence."""
+    loss = Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15, 0.45))
+    rows: dict[float, Setting] = {1.0 - float(np.exp(-depth)): (("soiling", depth),) for depth in DEPTHS}
+    yield dataclasses.replace(_along(traced, "dirt, traced", loss, rows, 0.0), geometric=True)
 
 
 def _isotropy(traced: Tracing) -> Iterator[Path]:
@@ -180,16 +202,22 @@ def _clock(traced: Tracing) -> Iterator[Path]:
     """The sun earlier or later than the recorded times say, the illuminances as measured."""
     if traced.case.setup.site is None or any(t.start is None for t in traced.case.tests):
         return
-    rows: dict[float, Field] = {}
-    for minutes in MINUTES:
-        moved = {}
-        for name, days in traced.days.items():
-            shifted = [daylight_of(traced.case, k, minutes) for k, _ in days]
-            moved[name] = traced.as_predicted(traced.trace(name, shifted, False).baseline)
-        rows[minutes] = traced.over_base(moved)
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        rows = dict(zip(MINUTES, pool.map(lambda minutes: _later(traced, minutes), MINUTES), strict=True))
     one = np.ones_like(traced.base[0])
     rows[0.0] = one, one
     at = np.array(sorted(rows))
-    late = Parameter("offset_min", "min", "true time minus recorded time", -60.0, 60.0, 15.0, (-10.0, 10.0))
+    starts = (-60.0, -30.0, -10.0, 10.0, 30.0, 60.0)
+    late = Parameter("offset_min", "min", "true time minus recorded time", -65.0, 65.0, 15.0, starts)
     sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
     yield Path("own re-simulation", late, at, sun, sky)
+
+
+def _later(traced: Tracing, minutes: float) -> Field:
+    """Ratio of both parts with all suns ``minutes`` later; the sky's stays as it was measured."""
+    moved = {}
+    for name, days in traced.days.items():
+        shifted = [daylight_of(traced.case, k, minutes) for k, _ in days]
+        moved[name] = traced.as_predicted(traced.trace(name, shifted, sky=False).baseline)
+    sun, _ = traced.spread(moved)
+    return ratio(sun, traced.base[0]), np.ones_like(sun)

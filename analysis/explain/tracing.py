@@ -20,19 +20,31 @@ from analysis.simulate.system import System, from_case_table
 from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
 
-Setting = tuple[tuple[str, float], ...]
+Setting = tuple[tuple[str, float | str], ...]
 Field = tuple[Floats, Floats]
 
-TURNS_DEG: Final = (12.0, 34.0, 56.0, 78.0)
+TURNS_DEG: Final = (7.0, 18.0, 29.0, 40.0, 50.0, 61.0, 72.0, 83.0)
 DIFFUSE_SHARES: Final = (0.15,)
-SCATTERS_DEG: Final = (5.0,)
+SCATTERS_DEG: Final = (5.0, 15.0)
 AUREOLES_DEG: Final = (3.0, 8.0)
+HAZES: Final[dict[str, tuple[str, ...]]] = {"both lenses": (), "entry lens": ("entry",), "exit lens": ("exit",)}
+"""Where haze may be, and how a setting names it."""
+HAZE: Final = 0.15
+"""The share of the light that haze is traced with; its effect is nearly linear in it."""
+DEPTHS: Final = (0.15, 0.6)
+"""Optical depths of dirt on the cover."""
 
-RAYS: Final = 45_000
-MORE_RAYS: Final = 160_000
+RAYS: Final = 160_000
+MORE_RAYS: Final = 480_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
+SUN_SAMPLES: Final = 16_384
+"""Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
-"""Share of a part's brightest direction below which a ratio is drawn towards 1: the rays there are few."""
+"""Share of the whole's brightest direction below which the sun's share is drawn towards that of the flux."""
+_FEW: Final = 0.05
+"""Share of a gamma's mean over C below which a ratio is drawn towards that of the whole gamma: the rays are few."""
+_HARDLY_ANY: Final = 3e-4
+"""The same share of the brightest gamma, below which a gamma's ratio is drawn towards that of the whole part."""
 
 
 def systems_of(case: Case) -> dict[str, System]:
@@ -77,8 +89,13 @@ class Tracing:
         """The systems as they are with more rays, for what their bounces tell: there, no rays are shared."""
         return {name: self.trace(name, [d for _, d in days], rays=MORE_RAYS) for name, days in self.days.items()}
 
-    def trace(self, name: str, days: list[Daylight], changed: bool = False, rays: int = RAYS) -> VariantSet:
-        """One system under some daylights: as described, and with each of its settings if ``changed``."""
+    def trace(
+        self, name: str, days: list[Daylight], changed: bool = False, rays: int = 0, *, sky: bool = True
+    ) -> VariantSet:
+        """One system under some daylights: as described, and with each of its settings if ``changed``.
+
+        ``rays`` for each sun; 0 takes `RAYS`.
+        """
         changes = [Change("", dict(s)) for s in _settings(self.systems[name])] if changed else []
         assert self.case.setup.goniometer is not None
         return variants(
@@ -86,7 +103,9 @@ class Tracing:
             days,
             changes,
             distance_m=self.case.setup.goniometer.distance_m,
-            rays=rays,
+            rays=rays or RAYS,
+            sun_samples=SUN_SAMPLES,
+            sky=sky,
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),
         )
@@ -143,9 +162,18 @@ class Tracing:
         return np.asarray((sun + floor * mean) / (whole + floor))
 
 
+def haze(where: tuple[str, ...]) -> Setting:
+    """The setting of haze in some lens, or in all."""
+    return (("haze", HAZE), *(("lenses", place) for place in where))
+
+
 def _settings(system: System) -> list[Setting]:
     """What is traced for a system: only settings that change it."""
     made: list[Setting] = [(("aureole_deg", w),) for w in AUREOLES_DEG]
+    lenses = [place for place in ("entry", "exit") if getattr(system, place).kind != "none"]
+    made += [haze(where) for where in HAZES.values() if set(where) <= set(lenses) and (where or len(lenses) > 1)]
+    if "entry" in lenses:
+        made += [(("soiling", depth),) for depth in DEPTHS]
     if "prismatic" in (system.entry.kind, system.exit.kind):
         made += [(("rotation_deg", t),) for t in TURNS_DEG]
         made += [(("isotropic", True),)]
@@ -170,6 +198,17 @@ def daylight_of(case: Case, k: int, minutes: float) -> Daylight:
 
 
 def ratio(new: Floats, old: Floats) -> Floats:
-    """Ratio of fields (T, P, G), drawn towards 1 where a test's part is dark."""
-    floor = _DARK * np.maximum(old.max(axis=(-2, -1), keepdims=True), 1e-12)
-    return np.asarray(np.clip((new + floor) / (old + floor), 0.02, 50.0))
+    """Ratio of fields (T, P, G); where rays are few, drawn towards the ratio of its gamma's mean over C.
+
+    Never towards 1: far from the sun's image all directions are dark beside it, and yet each of them changes.
+    """
+    rings = old.mean(axis=-2, keepdims=True)
+    brightest = np.maximum(rings.max(axis=-1, keepdims=True), 1e-12)
+    whole = _drawn(new.mean(axis=(-2, -1), keepdims=True), old.mean(axis=(-2, -1), keepdims=True), 1e-9 * brightest)
+    of_gamma = _drawn(new.mean(axis=-2, keepdims=True), rings, _HARDLY_ANY * brightest, whole)
+    return np.asarray(np.clip(_drawn(new, old, _FEW * rings + 1e-9 * brightest, of_gamma), 0.02, 50.0))
+
+
+def _drawn(new: Floats, old: Floats, floor: Floats, towards: Floats | float = 1.0) -> Floats:
+    """``new / old``, drawn ``towards`` another ratio where ``old`` is not above ``floor``."""
+    return np.asarray((new + floor * towards) / (old + floor))

@@ -96,7 +96,7 @@ class VariantSet:
     c_deg: Floats
     baseline: Outcome
     variants: tuple[tuple[Change, Outcome], ...]
-    _tallies: "tuple[Tally | None, Tally]" = field(repr=False)
+    _tallies: "tuple[Tally | None, Tally | None]" = field(repr=False)
 
     def again(self, *, wall_reflectance: float | None = None, max_bounces: int | None = None) -> Outcome:
         """The baseline with another wall reflectance or bounce limit, from its tallies: exact, and without new rays."""
@@ -124,6 +124,8 @@ def variants(
     rays: int = 200_000,
     seed: int = 1,
     threads: int = 0,
+    sun_samples: int = 0,
+    sky: bool = True,
     gamma_deg: Floats = GAMMA_DEG,
     c_deg: Floats = C_DEG,
     sampler: Sampler | None = None,
@@ -131,24 +133,35 @@ def variants(
     """Predict a system under several daylights, as it is and with each change.
 
     ``rays`` are traced for each sun, and `SKY_SHARE` times as many for each sky. ``c_deg`` must be closed (0 to 360).
-    The result depends on seed and rays, not on ``threads`` (0: all cores).
+    The result depends on seed and rays, not on ``threads`` (0: all cores). ``sun_samples``: see `Settings`; 0 takes a
+    quarter of the rays. Without ``sky`` the sky part is not traced, and zero.
     Raises `ConfigError` for a setting that does not exist.
     """
     plans = [_plan(system, {}, distance_m), *(_plan(system, change.setting, distance_m) for change in changes)]
-    runs = _Runs(tests, rays, seed, sampler)
+    runs = _Runs(tests, Settings(rays=rays, seed=seed, sun_samples=sun_samples or _samples(rays)), sampler, sky)
     for plan in plans:
         runs.want(plan)
     tallies = runs.made(threads or len(os.sched_getaffinity(0)))
 
     def outcome(plan: "_Plan") -> Outcome:
-        sun, sky = tallies.get(plan.sun_key), tallies[plan.sky_key]
-        assert sky is not None
-        return _outcome(sun, sky, len(tests), gamma_deg, c_deg, plan.wall_reflectance, plan.max_bounces)
+        return _outcome(
+            tallies.get(plan.sun_key),
+            tallies.get(plan.sky_key),
+            len(tests),
+            gamma_deg,
+            c_deg,
+            plan.wall_reflectance,
+            plan.max_bounces,
+        )
 
     outcomes = [outcome(plan) for plan in plans]
-    base = (tallies.get(plans[0].sun_key), _there(tallies[plans[0].sky_key]))
+    base = (tallies.get(plans[0].sun_key), tallies.get(plans[0].sky_key))
     named = tuple(zip(changes, outcomes[1:], strict=True))
     return VariantSet(system, tuple(tests), gamma_deg, c_deg, outcomes[0], named, base)
+
+
+def _samples(rays: int) -> int:
+    return max(8192, min(rays // 4, 1 << 18))
 
 
 @dataclass(frozen=True)
@@ -187,15 +200,16 @@ def _plan(system: System, setting: Mapping[str, Any], distance_m: float) -> _Pla
 class _Runs:
     """The traces that the plans need, each once."""
 
-    def __init__(self, tests: Sequence[Daylight], rays: int, seed: int, sampler: Sampler | None) -> None:
+    def __init__(self, tests: Sequence[Daylight], settings: Settings, sampler: Sampler | None, sky: bool) -> None:
         self._tests = list(tests)
-        self._settings = Settings(rays=rays, seed=seed, sun_samples=max(8192, min(rays // 4, 1 << 18)))
+        self._settings = settings
         self._sampler = sampler
+        self._sky = sky
         self._wanted: dict[tuple[Any, ...], tuple[_Plan, bool]] = {}
 
     def want(self, plan: _Plan) -> None:
         first = not self._wanted
-        for key in (plan.sun_key, plan.sky_key):
+        for key in (plan.sun_key, plan.sky_key)[: 1 + self._sky]:
             _, tallied = self._wanted.get(key, (plan, False))
             self._wanted[key] = (plan, tallied or plan.tallied or first)
 
@@ -226,11 +240,6 @@ class _Runs:
         return trace(plan.system, source, use, self._sampler)
 
 
-def _there(tally: Tally | None) -> Tally:
-    assert tally is not None
-    return tally
-
-
 def _mesh(gamma_deg: Floats, c_deg: Floats) -> tuple[Floats, Floats]:
     """The grid without its last plane, as arrays that broadcast to (C, gamma)."""
     if c_deg[0] != 0.0 or c_deg[-1] != 360.0:
@@ -244,7 +253,7 @@ def _closed(values: Floats) -> Floats:
 
 def _outcome(
     sun: Tally | None,
-    sky: Tally,
+    sky: Tally | None,
     tests: int,
     gamma_deg: Floats,
     c_deg: Floats,

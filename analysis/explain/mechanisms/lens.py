@@ -5,7 +5,7 @@ from scipy.special import expn
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
-from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
@@ -162,8 +162,8 @@ class LensOrientation(Retraced):
         return f"The lens pattern is turned by {p[0]:+.1f}° (counter-clockwise from above) against the simulated one."
 
 
-class Soiling(Mechanism):
-    """Dirt takes light, the more the more grazing the sun."""
+class Soiling(Retraced):
+    """Dirt takes light, the more the more grazing it comes."""
 
     id = "soiling"
     stage = Stage.OPTICS
@@ -171,8 +171,8 @@ class Soiling(Mechanism):
     parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
     needs = "sun and sky parts apart; sun angles"
     source = (
-        "(1-l)^(1/cos z) for the beam, its mean over a uniform sky for the sky; (1-l)^1.3 for both under a dome; "
-        "Martin and Ruiz 2001, Sol. Energy Mater. 70"
+        "re-simulation with exp(-depth / cos) on the cover; else (1-l)^(1/cos z) for the beam, its mean over a uniform "
+        "sky for the sky, (1-l)^1.3 for both under a dome; Martin and Ruiz 2001, Sol. Energy Mater. 70"
     )
     form_error = 0.2  # dirt is not even, nor alike at all angles
     tie_breaker = "the same sky before and after cleaning"
@@ -185,14 +185,23 @@ class Soiling(Mechanism):
         return "sun angles are not given" if np.any(np.isnan(r.altitude_deg)) else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """All systems alike, or one of them; under a pane, or a dome, through which all light goes as slantingly."""
+        """All systems alike, or one of them; as traced, else under a pane, or a dome, where all light goes aslant."""
+        if traced := super().branches(scene):
+            return traced
         systems = systems_on_the_arm(scene)
         some = {"every system": None} | ({name: k for k, name in systems.items()} if len(systems) > 1 else {})
         panes = tuple(Branch(label, (k, "pane")) for label, k in some.items())
         return (*panes, *(Branch(f"{label}, domed", (k, "dome")) for label, k in some.items()))
 
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Closed forms have the loss itself."""
+        return self.parameters if isinstance(branch.value, tuple) else super().parameters_in(scene, branch)
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weaken the beam by its path through the dirt, the sky by the mean."""
+        if not isinstance(branch.value, tuple):
+            super().illuminate(scene, light, p, branch)
+            return
         system, cover = branch.value
         r = scene.readings
         if cover == "pane":
@@ -207,6 +216,4 @@ class Soiling(Mechanism):
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
-        if branch.value[1] == "dome":
-            return f"Dirt on {branch.label}, takes {p[0]:.1%} at normal incidence."
-        return f"Dirt on {branch.label} takes {p[0]:.1%} at normal incidence and more at grazing."
+        return f"Dirt on the skylight ({branch.label}) takes {p[0]:.1%} at normal incidence and more at grazing."

@@ -61,5 +61,7 @@ def systems_on_the_arm(scene: Scene) -> dict[int, str]:
     return {int(k): next(t.system or "" for t, s in zip(r.case.tests, r.system, strict=True) if s == k) for k in seen}
 
 
-WELL_AND_LENS = frozenset({"lens-haze", "lens-orientation", "wall-reflectance", "wall-scatter", "clock-offset"})
+WELL_AND_LENS = frozenset(
+    {"lens-haze", "soiling", "lens-orientation", "wall-reflectance", "wall-scatter", "clock-offset"}
+)
 """Mechanisms whose parameters are settings of a simulation."""

@@ -3,25 +3,44 @@
 import numpy as np
 import pytest
 
-from analysis.explain import tracing
-from analysis.explain.resimulate import Retracings, simulator_of
+from analysis.explain import settings, tracing
+from analysis.explain.fields import GAMMA_DEG
+from analysis.explain.mechanisms.base import predict
+from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
+from analysis.explain.scene import Scene, scene_of
 from analysis.explain.settings import UNLIMITED
 from tests.analysis.explain.campaign import TESTS, make_case
+from tests.analysis.explain.test_mechanisms import term
 
 BOX, TUBE = 0, 1
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Retracings:
-    """A box and a tube, each under one sky, with few rays."""
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> OwnSimulation:
+    """A box and a tube, each under one sky, with few rays and few moments."""
     case = make_case(tmp_path_factory.mktemp("case") / "case", tests=(TESTS[1], TESTS[5]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tracing, "RAYS", 8_000)
+        patch.setattr(tracing, "RAYS", 20_000)
         patch.setattr(tracing, "MORE_RAYS", 20_000)
+        patch.setattr(tracing, "SUN_SAMPLES", 8_192)
+        patch.setattr(settings, "MINUTES", (-15.0, 15.0))
         simulator = simulator_of(case)
         assert simulator is not None
-        return simulator.made
+        assert simulator.made
+        return simulator
+
+
+@pytest.fixture(scope="module")
+def made(simulated: OwnSimulation) -> Retracings:
+    """All that was traced."""
+    return simulated.made
+
+
+@pytest.fixture(scope="module")
+def scene(simulated: OwnSimulation) -> Scene:
+    """The case with its re-simulations."""
+    return scene_of(simulated.case, simulated)
 
 
 def _path(made: Retracings, mechanism: str, label: str) -> Path:
@@ -31,6 +50,8 @@ def _path(made: Retracings, mechanism: str, label: str) -> Path:
 
 def test_every_setting_of_a_box_and_a_tube_is_traced(made: Retracings) -> None:
     assert set(made.paths) == {
+        "lens-haze",
+        "soiling",
         "lens-orientation",
         "lens-anisotropy",
         "wall-scatter",
@@ -92,3 +113,56 @@ def test_a_pattern_as_square_as_a_pyramid_is_itself_after_a_quarter_turn(made: R
     assert path.positions[-1] == 90.0
     assert np.all(path.sun[-1] == 1.0)
     assert np.std(path.sun[len(path.positions) // 2]) > 0.01, "half way the images lie elsewhere"
+
+
+# ratios
+
+
+def test_where_it_is_dark_beside_a_peak_a_ratio_stays_what_it_is() -> None:
+    old = np.full((1, 72, len(GAMMA_DEG)), 100.0) * np.cos(np.radians(GAMMA_DEG - 0.1))
+    old[0, 10:12, 8:10] = 1e5  # a sharp image of the sun
+    assert tracing.ratio(0.8 * old, old) == pytest.approx(0.8, rel=1e-6)
+
+
+def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
+    old = np.full((1, 72, len(GAMMA_DEG)), 100.0)
+    new = old * np.linspace(1.0, 0.5, len(GAMMA_DEG))
+    old[0, 3], new[0, 3] = 0.0, 5.0  # a few rays of one run alone
+    expected = new[0, 20] / old[0, 20]
+    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.05, abs=1.2)
+    old[0, 3], new[0, 3] = 0.0, 0.0
+    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.02)
+
+
+# what mechanisms make of them
+
+
+def test_an_aureole_as_narrow_as_the_disc_changes_nothing(scene: Scene, simulated: OwnSimulation) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated, "aureole", lambda width_deg: np.ones_like(scene.fields.sun))
+        made = predict(scene, (term(scene, "circumsolar-aureole"),), np.array([0.6, 5.0]))
+    assert made == pytest.approx(scene.readings.simulated, rel=1e-9)
+
+
+def test_an_aureole_is_a_share_of_the_suns_light_spread_as_it_was_traced(scene: Scene, made: Retracings) -> None:
+    light = scene.dark_light()
+    width = tracing.AUREOLES_DEG[0]
+    term(scene, "circumsolar-aureole").illuminate(scene, light, np.array([0.6, width]))
+    assert light.sun == pytest.approx(scene.fields.sun * (0.4 + 0.6 * made.aureoles[1]))
+    assert light.sky is scene.fields.sky
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "label", "at"),
+    [("wall-reflectance", "tube", 0.9), ("wall-scatter", "diffuse share", 0.15), ("clock-offset", "", 15.0)],
+)
+def test_a_mechanism_does_what_was_traced(
+    scene: Scene, made: Retracings, mechanism: str, label: str, at: float
+) -> None:
+    path = made.paths[mechanism][0] if not label else _path(made, mechanism, label)
+    sun, sky = path.change(at, scene.fields)
+    light = scene.dark_light()
+    term(scene, mechanism, label).illuminate(scene, light, np.array([at]))
+    assert light.sun == pytest.approx(sun)
+    if mechanism != "clock-offset":  # the sky's light is as it was measured
+        assert light.sky == pytest.approx(sky)
