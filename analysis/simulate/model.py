@@ -21,6 +21,7 @@ from analysis.simulate.lens import (
     tables,
 )
 from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, wide_nodes
+from analysis.simulate.obstruction import rows
 from analysis.simulate.system import Lens, System, Wall
 
 Floats = NDArray[np.float64]
@@ -55,6 +56,7 @@ def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.
         ring_cosine=2.0,
         lobe=half_lobe(),
         powers=np.array([[system.wall.reflectance], [system.boot.reflectance]]) ** np.arange(64.0),
+        obstructions=obstructions(system),
     )
 
 
@@ -132,6 +134,11 @@ def geometry(system: System) -> tuple[float, ...]:
     turn = math.radians(system.rotation_deg)
     row[k.TURN_C], row[k.TURN_S] = math.cos(turn), math.sin(turn)
     return tuple(float(value) for value in row)
+
+
+def obstructions(system: System) -> Floats:
+    """What stands around the skylight, in its own frame, shape (n, 12); see `analysis.simulate.obstruction.rows`."""
+    return rows(system.obstructions, system.rotation_deg)
 
 
 def _wall(wall: Wall) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.daylight import Daylight, sky_source, sun_source
-from analysis.simulate.model import facets, geometry
+from analysis.simulate.model import facets, geometry, obstructions
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from labdaq.errors import DataError
@@ -114,5 +114,5 @@ def _launched(system: System, source: Source, count: int, seed: int) -> Floats:
     steps = np.concatenate([[0.0], np.cumsum(source.probability)])
     light = k.Light(source.mode, source.side, steps, per_ray(source, count), source.span, source.suns, source.rays)
     rows = np.zeros((count, 7))
-    kernel(geometry(system), facets(system), light, np.uint64(seed), count, rows)
+    kernel(geometry(system), facets(system), obstructions(system), light, np.uint64(seed), count, rows)
     return rows

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.model import facets, geometry
+from analysis.simulate.obstruction import between
 from analysis.simulate.source import Source, given
 from analysis.simulate.system import System
 from labdaq.errors import DataError
@@ -15,7 +16,8 @@ Floats = NDArray[np.float64]
 
 
 def on_cover(system: System, points: ArrayLike, directions: ArrayLike, flux_lm: ArrayLike) -> Source:
-    """The rays of a set that fall on the cover from outside, as a source; all others are lost on the black roof.
+    """The rays of a set that fall on the cover from outside, as a source; all others are lost on the black roof or on
+    the system's obstructions.
 
     Parameters
     ----------
@@ -44,7 +46,10 @@ def on_cover(system: System, points: ArrayLike, directions: ArrayLike, flux_lm: 
     if not hit.any():
         raise DataError("no ray of the set meets the cover", "check origin and unit: metres, centre of the aperture")
     place = start[hit] + distance[hit, None] * travel[hit]
-    return given(place, normal[hit] @ to_own, travel[hit], flux[hit])
+    open_ = ~between(system.obstructions, place, start[hit])
+    if not open_.any():
+        raise DataError("every ray of the set that would meet the cover meets an obstruction before")
+    return given(place[open_], (normal[hit] @ to_own)[open_], travel[hit][open_], flux[hit][open_])
 
 
 def _first_hit(system: System, start: Floats, travel: Floats) -> tuple[Floats, Floats]:

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
+from analysis.simulate.obstruction import Obstruction
 from labdaq.errors import ConfigError, Problems
 
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -146,6 +147,8 @@ class System:
         Wall of the well, and of its lowest ``boot_height_m``, if that is not 0.
     rotation_deg
         The whole skylight turned about the vertical, counter-clockwise seen from above.
+    obstructions
+        What stands around it, outside: black, and fixed to the site whatever ``rotation_deg``.
     """
 
     name: str = "skylight"
@@ -159,6 +162,7 @@ class System:
     boot: Wall = Wall(reflectance=0.85, finish="diffuse")
     boot_height_m: NotNegative = 0.0
     rotation_deg: float = 0.0
+    obstructions: tuple[Obstruction, ...] = ()
 
     @model_validator(mode="after")
     def _is_convex(self) -> Self:

@@ -28,7 +28,8 @@ Skylight as labdaq simulates it. Frame: x east, y north, z up; the origin is the
 | `rays.txt`, `rays.tm25ray` | rays of sun and sky before the cover: x y z l m n flux | m (TM-25: mm), lm |
 
 Files that are not here do not apply. The inner surfaces of well and boot, the lower one of the cover, and the upper one
-of the exit lens are those that the engines work with; prisms are in the BSDFs, not in the bodies.
+of the exit lens are those that the engines work with; prisms are in the BSDFs, not in the bodies. Obstructions
+outside are in the Radiance scene alone.
 
 ## Materials
 

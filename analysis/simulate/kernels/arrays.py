@@ -61,6 +61,8 @@ class Skylight(NamedTuple):
         The lower half of a cosine lobe in the form of a scatter table.
     powers : shape (2, 64)
         Powers 0, 1, 2 ... of the reflectances of well and boot.
+    obstructions : shape (n, 12)
+        What stands around it; see `analysis.simulate.obstruction.rows`.
     """
 
     geometry: Numbers
@@ -81,6 +83,7 @@ class Skylight(NamedTuple):
     ring_cosine: float
     lobe: Table
     powers: Floats
+    obstructions: Floats
 
 
 class Light(NamedTuple):

@@ -9,13 +9,17 @@ from analysis.simulate.kernels.jit import kernel
 from analysis.simulate.kernels.launch import A1, A2, A3, direction, even, source_at
 from analysis.simulate.kernels.maps import mix, stream, uniform
 from analysis.simulate.kernels.paths import RAY_STEP
+from analysis.simulate.kernels.shade import shaded
 
 
 @kernel
-def entering(geo: Numbers, facets: Floats, light: Light, seed: np.uint64, count: int, out: Floats) -> None:
+def entering(
+    geo: Numbers, facets: Floats, obstructions: Floats, light: Light, seed: np.uint64, count: int, out: Floats
+) -> None:
     """Fill ``out`` (count, 7): place [m], direction of travel, and flux [lm] of a source's first member.
 
-    Frame of the site. Places, cells and discs are drawn as `paths.trace` draws them; a ray that misses has no flux.
+    Frame of the site. Places, cells and discs are drawn as `paths.trace` draws them; a ray that misses, or that an
+    obstruction stops, has no flux.
     """
     base = mix(seed)
     state = stream(base, ZERO)
@@ -36,5 +40,7 @@ def entering(geo: Numbers, facets: Floats, light: Light, seed: np.uint64, count:
         area = 0.0
         if dz < 0.0:
             x, y, z, _, _, _, area, _ = land(geo, facets, dx, dy, dz, even(s1, i, A1), even(s2, i, A2), even(s3, i, A3))
+            if shaded(obstructions, x, y, z, dx, dy, dz):
+                area = 0.0
             out[i, 0], out[i, 1], out[i, 2] = geo[TURN_C] * x - geo[TURN_S] * y, geo[TURN_S] * x + geo[TURN_C] * y, z
         out[i, 6] = area * light.flux[source, light.span[source, 0]]

@@ -34,6 +34,7 @@ from analysis.simulate.kernels.geometry import land, under_cover
 from analysis.simulate.kernels.jit import borrowed, jit, kernel
 from analysis.simulate.kernels.launch import A1, A2, A3, A6, direction, even, source_at
 from analysis.simulate.kernels.maps import mix, stream, uniform
+from analysis.simulate.kernels.shade import shaded
 from analysis.simulate.kernels.wells import LOW, cross, roulette
 
 MAX_EVENTS: Final = 200_000
@@ -143,7 +144,7 @@ def uncounted(sky: Skylight, counts: Counts, light: Light) -> Scene:
             sky.geometry, borrowed(sky.facets), sky.well, sky.boot, sky.entry, sky.exit, borrowed(sky.above),
             borrowed(sky.below), borrowed(sky.under), borrowed(sky.nodes), borrowed(sky.wide), sky.exact,
             borrowed(sky.spots), borrowed(sky.ring), borrowed(sky.ring_nodes), sky.ring_cosine, borrowed(sky.lobe),
-            borrowed(sky.powers),
+            borrowed(sky.powers), borrowed(sky.obstructions),
         ),
         Counts(
             borrowed(counts.sharp), borrowed(counts.soft), counts.sharp_side, counts.soft_side, counts.classes,
@@ -195,5 +196,5 @@ def trace(sky: Skylight, counts: Counts, light: Light, seed: np.uint64, count: i
             x, y, z, nx, ny, nz, area, facet = land(
                 geo, sky.facets, dx, dy, dz, even(s1, i, A1), even(s2, i, A2), even(s3, i, A3)
             )
-            if area > 0.0:
+            if area > 0.0 and not shaded(sky.obstructions, x, y, z, dx, dy, dz):
                 admit(scene, key, source, Ray(x, y, z, dx, dy, dz), (nx, ny, nz), area, facet, pick, state)

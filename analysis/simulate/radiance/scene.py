@@ -50,13 +50,14 @@ def scene_text(
 
 
 def surfaces_text(system: System, lens_files: dict[str, Path]) -> str:
-    """The skylight and a black roof around it, without any light source; see `scene_text`."""
+    """The skylight, a black roof around it and its obstructions, without any light source; see `scene_text`."""
     check(system)
     parts = (
         _well(system),
         _roof(system),
         _cover(system, lens_files.get("entry")),
         _exit(system, lens_files.get("exit")),
+        _obstructions(system),
     )
     return "\n".join(line for part in parts for line in part) + "\n"
 
@@ -124,6 +125,12 @@ def _roof(system: System) -> Iterator[str]:
         far = [(50.0 * x, 50.0 * y) for x, y in (b, a)]
         points = [_turned(system, x, y) for x, y in (a, b, *far)]
         yield polygon("black", f"roof{k}", [(x, y, system.well_depth_m) for x, y in points])
+
+
+def _obstructions(system: System) -> Iterator[str]:
+    """What stands around the skylight, black; ``rotation_deg`` does not turn it."""
+    for k, it in enumerate(system.obstructions):
+        yield polygon("black", f"obstruction{k}", it.corners)
 
 
 def _cover(system: System, bsdf: Path | None) -> Iterator[str]:
