@@ -1,4 +1,4 @@
-"""Openings to the sky in the manner of CIE 171:2006; see `tests.analysis.simulate.cie171`."""
+"""Openings to the sky as in CIE 171:2006; see `tests.analysis.simulate.cie171` and its rooms."""
 
 import math
 
@@ -9,20 +9,24 @@ from analysis.simulate.source import skies, suns
 from analysis.simulate.system import named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.errors import SimulationError
-from tests.analysis.simulate.cie171 import CASES, errors, integral, radiance, tracer
+from tests.analysis.simulate.cie171 import errors, holes, opening_system, plane, radiance
+from tests.analysis.simulate.cie171_rooms import CASES, PUBLISHED, Case, integral
+
+ROOF, GLAZED_ROOF, FACADE = CASES[0], CASES[3], CASES[4]
+OVERHANG, FENCE = (next(case for case in CASES if case.section == section) for section in ("5.13", "5.14"))
 
 
 def test_the_plane_below_an_opening_is_lit_as_a_polygon_light_lights_it() -> None:
     """Uniform sky of 1 cd/m² through 1 m x 1 m at 3 m: the rectangle's formula below its corner, four times."""
-    case = CASES[0]
     tally = trace(
-        case.system, skies([lambda v: np.ones(v.shape[:-1])]), Settings(rays=400_000, distance_m=3.0, flat=True)
+        opening_system((1.0, 1.0)),
+        skies([lambda v: np.ones(v.shape[:-1])]),
+        Settings(rays=400_000, distance_m=3.0, flat=True),
     )
     a = 0.5 / 3.0
     corner = a / math.sqrt(1 + a * a) * math.atan(a / math.sqrt(1 + a * a))  # half of 2 x ... / 2
     value, error = tally.illuminance(0.0, 0.0)
     assert value[0] == pytest.approx(4 * corner, abs=4 * error[0] + 1e-4)
-    assert integral(case, [lambda v: np.ones(v.shape[:-1])])[0].max() < 4 * corner
 
 
 def test_the_plane_gets_all_the_light_that_leaves() -> None:
@@ -36,18 +40,46 @@ def test_the_plane_gets_all_the_light_that_leaves() -> None:
         round_one.illuminance(0.0, 0.0)
 
 
-@pytest.mark.parametrize("case", [CASES[0], CASES[3]], ids=lambda c: c.name)
-def test_roof_openings(case: object) -> None:
+@pytest.mark.parametrize("case", [c for c in CASES if c.key in PUBLISHED], ids=lambda c: c.name)
+def test_the_integral_meets_what_is_published(case: Case) -> None:
+    """Printed with two decimals; 0.3 % for what the tables' own method may have lost."""
+    printed = np.array(PUBLISHED[case.key])
+    assert np.all(np.abs(integral(case, (12,))[0] - printed) < 0.006 + 0.003 * printed)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
+def test_the_integral_is_done(case: Case) -> None:
+    """The error goes with the square of the step, and four times as many are used as at first here."""
+    coarse, fine = integral(case, (1, 12), 150), integral(case, (1, 12), 300)
+    assert np.all(np.abs(coarse / fine - 1.0) < 1e-3)
+
+
+@pytest.mark.parametrize("case", [ROOF, GLAZED_ROOF], ids=lambda c: c.name)
+def test_roof_openings(case: Case) -> None:
     """One unglazed, one glazed; three skies; a million rays leave noise of some 3 % at a point."""
-    found = errors(case, lambda c, s: tracer(c, s, 1_000_000), (1, 5, 12))  # type: ignore[arg-type]
+    found = errors(case, plane, (1, 5, 12), rays=1_000_000)
     assert abs(found.mean()) < 0.01 and np.sqrt(np.mean(found**2)) < 0.05
 
 
+@pytest.mark.parametrize("case", [ROOF, FACADE, OVERHANG, FENCE], ids=lambda c: c.name)
+def test_every_side_of_the_room(case: Case) -> None:
+    """A hole sees some 1 % of the rays pass: 250,000 leave noise of 2 %. Radiance draws 1,024 for a point."""
+    ours, theirs = errors(case, holes, (1, 12), rays=250_000), errors(case, radiance, (1, 12), rays=1_024)
+    assert abs(ours.mean()) < 0.01 and np.abs(ours).max() < 0.06
+    assert abs(theirs.mean()) < 0.01 and np.abs(theirs).max() < 0.06
+
+
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
-def test_every_opening_under_all_skies(case: object) -> None:
-    """Tracer: 0.5 % in the mean, 5 % at the worst of all points and skies (noise of 4 million rays at the dimmest
-    points, and the facade's horizon on the tracer's cells of 1.5 degrees); Radiance: 0.5 and 2.5 %."""
-    ours, theirs = errors(case, tracer), errors(case, radiance, (1, 12))  # type: ignore[arg-type]
-    assert abs(ours.mean()) < 0.005 and np.abs(ours).max() < 0.05
-    assert abs(theirs.mean()) < 0.005 and np.abs(theirs).max() < 0.025
+def test_every_opening_under_all_skies(case: Case) -> None:
+    """Mean and worst of all points and skies. The tracer on a plane: 0.5 and 5 % (noise at the dimmest points, and the
+    facade's horizon on cells of 1.5 degrees); in holes: 0.2 and 1.5 % (noise); Radiance: 0.1 and 0.5 %."""
+    theirs = errors(case, radiance, (1, 5, 12))
+    assert abs(theirs.mean()) < 0.001 and np.abs(theirs).max() < 0.005
+    if not case.glazed:
+        ours = errors(case, holes)
+        assert abs(ours.mean()) < 0.002 and np.abs(ours).max() < 0.015
+    if case.mask is None:
+        ours = errors(case, plane)
+        assert abs(ours.mean()) < 0.005 and np.abs(ours).max() < 0.05
