@@ -22,8 +22,7 @@ def write_whole_folder(folder: Path, fill: Callable[[Path], T], *, replace: bool
     its permissions refuse.
     """
     folder = Path(folder).absolute()
-    if not replace and _holds_something(folder):
-        raise StorageError(f"{folder}: exists and is not empty", "give another folder, or remove this one first")
+    check_free(folder, replace=replace)
     ground = next(p for p in folder.parents if p.is_dir())
     try:
         beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=ground))
@@ -44,6 +43,14 @@ def write_whole_folder(folder: Path, fill: Callable[[Path], T], *, replace: bool
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return result
+
+
+def check_free(folder: Path, *, replace: bool = False) -> None:
+    """Refuse what `write_whole_folder` would refuse, before the work is done: a folder that holds something."""
+    if not replace and _holds_something(folder):
+        raise StorageError(
+            f"{folder.absolute()}: exists and is not empty", "give another folder, or remove this one first"
+        )
 
 
 def _holds_something(folder: Path) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.cases import Case, read_case
 from analysis.cases.model import Parts, Test
 from analysis.cases.toml_text import toml_text
+from analysis.compare.benchmark_columns import COLUMNS, columns_csv
 from analysis.compare.benchmark_texts import Licence, readme
 from analysis.compare.manifest import MANIFEST, write_manifest
 from analysis.compare.predicted import safe_name, stems_of
@@ -29,11 +30,7 @@ from labdaq.session import Session
 from labdaq.whole_folder import write_whole_folder
 
 FORMAT: Final = "labdaq-benchmark/1"
-TEST_COLUMNS: Final = (
-    "test", "source", "system", "system_file", "start_utc", "end_utc", "sky", "sun_altitude_deg", "sun_azimuth_deg",
-    "global_illuminance_lx", "diffuse_illuminance_lx", "readings", "measured_ies", "simulated_sun_ies",
-    "simulated_sky_ies", "simulated_total_ies", "sky_hdr",
-)  # fmt: skip
+TEST_COLUMNS: Final = tuple(name for name, _, _ in COLUMNS["tests.csv"])
 
 
 @dataclass
@@ -91,7 +88,8 @@ def export_benchmark(
     about: dict[str, Any] = {"format": FORMAT, "title": title, "licence": licence.spdx, "holder": licence.holder}
     about |= {"cases": len(cases), "sessions": len(sessions), "tests": len(pack.tests)}
     pack.content["benchmark.toml"] = toml_text(about).encode()
-    pack.content["README.txt"] = readme(title, licence, [*pack.content, *pack.copies], TEST_COLUMNS).encode()
+    pack.content["columns.csv"] = columns_csv([*pack.content, *pack.copies])
+    pack.content["README.txt"] = readme(title, licence, [*pack.content, *pack.copies]).encode()
 
     def fill(folder: Path) -> None:
         for name, data in pack.content.items():

@@ -1,10 +1,10 @@
 """The words of a benchmark: its README, which must be enough to use it without labdaq, and its licence."""
 
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from analysis.compare.benchmark_columns import COLUMNS, there
 from labdaq.errors import ConfigError
 
 _KNOWN: Final = {
@@ -63,44 +63,13 @@ _FILES: Final = {
     "benchmark.toml": "what the folder holds",
     "LICENCE.txt": "what may be done with it",
     "MANIFEST.sha256": "check sums of all files: sha256sum -c MANIFEST.sha256",
-    "tests.csv": "one line for each test, with the files that belong to it",
+    "tests.csv": "one line for each test of a case and of a session, with the files that belong to it",
+    "columns.csv": "every column of every CSV file, with unit and meaning",
     "systems/": "the skylights, as simulations assumed them (TOML)",
     "cases/": "recorded beside predicted readings: case.toml (the set-up), records.csv, simulated/*.ies",
     "photometry/": "recorded intensities of the tests of cases as IES LM-63-2019 files",
     "sessions/": "recordings: session.toml, readings.csv, exposures.csv, derived/ (sky maps, photometry), original/",
 }
-_COLUMNS: Final = {
-    "cases/*/records.csv": (
-        ("test, channel", "names; case.toml describes them, with the unit of the channel's readings"),
-        ("time", "middle of the integration, UTC"),
-        ("gamma_deg, c_deg", "where the sensor was or looked [deg]"),
-        ("measured", "the reading [the channel's unit]"),
-        ("uncertainty", "standard uncertainty of the reading's noise alone [same unit]"),
-        ("simulated", "the prediction [same unit]"),
-        ("simulated_sun, simulated_sky", "its parts due to the sun and to the rest of the sky [same unit]"),
-    ),
-    "sessions/*/readings.csv": (
-        ("utc, mono_ns", "middle of the integration: UTC, and a count that never jumps [ns]"),
-        ("duration_s", "length of the integration [s]"),
-        ("channel, quantity, value, unit", "what was read, as the instrument gave it"),
-        ("uncertainty", "standard uncertainty of the value, calibration included [unit]"),
-        ("gamma_deg, c_deg", "where the sensor was [deg]"),
-        ("usable, flags", "whether the value may be used; what is doubtful about it"),
-        ("instrument, step", "who read, and in which step of the test"),
-    ),
-    "sessions/*/exposures.csv": (
-        ("exposure_s, nominal_exposure_s", "shutter time by the camera's account, and as set [s]"),
-        ("f_number, iso", "as the camera says"),
-        ("file, size, sha256", "the picture in the original session; size in bytes"),
-    ),
-}
-_TESTS: Final = (
-    ("source", "folder of the case or session"),
-    ("sun_altitude_deg, sun_azimuth_deg", "in the middle of the test [deg]"),
-    ("global_illuminance_lx, diffuse_illuminance_lx", "horizontal illuminance on the roof [lx]"),
-    ("readings", "number of usable readings"),
-    ("..._ies, sky_hdr, system_file", "files, relative to this folder"),
-)
 _IES: Final = """\
 ABOUT THE .IES FILES
 
@@ -110,19 +79,15 @@ measured (keyword [_ROW90]). [_PART] tells whether a simulated file is the sun p
 """
 
 
-def readme(title: str, licence: Licence, names: Sequence[str], test_columns: Sequence[str]) -> str:
+def readme(title: str, licence: Licence, names: Sequence[str]) -> str:
     """Text of README.txt for a folder that holds ``names``."""
     every = [*names, "MANIFEST.sha256"]
     parts = [f"{title.upper()}\n{'=' * len(title)}\n", _TOP, "FILES\n"]
     parts += [f"  {name:<16} {what}" for name, what in _FILES.items() if any(n.startswith(name) for n in every)]
-    every_column = textwrap.fill(", ".join(test_columns), 118, initial_indent="  ", subsequent_indent="  ")
-    parts.append(f"\nCOLUMNS OF tests.csv\n\n{every_column}\n")
-    parts += [f"  {name}: {what}" for name, what in _TESTS]
-    for file, columns in _COLUMNS.items():
-        folder, last = file.split("/*/")
-        if any(n.startswith(f"{folder}/") and n.endswith(last) for n in names):
+    for file, columns in COLUMNS.items():
+        if there(file, names):
             parts.append(f"\nCOLUMNS OF {file}\n")
-            parts += [f"  {name}: {what}" for name, what in columns]
+            parts += [f"  {name} [{unit}]: {what}" for name, unit, what in columns]
     if any(n.endswith(".ies") for n in names):
         parts.append(f"\n{_IES}")
     parts.append(f"\nLICENCE\n\n{licence.text()}")

@@ -5,6 +5,7 @@ import hashlib
 import shutil
 import subprocess
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,17 @@ def test_the_readme_tells_what_is_there(packed: Path) -> None:
             for column in next(csv.reader(file)):
                 assert column in text
     assert max(map(len, text.splitlines())) <= 120
+
+
+def test_every_column_has_a_unit(packed: Path) -> None:
+    with (packed / "columns.csv").open(newline="") as file:
+        told = [(row["file"], row["column"]) for row in csv.DictReader(file) if row["unit"] and row["meaning"]]
+    tables = [p.relative_to(packed).as_posix() for p in packed.rglob("*.csv")]
+    assert {"tests.csv", "columns.csv", "cases/box/records.csv", "sessions/a-T18/readings.csv"} <= set(tables)
+    for name in tables:
+        with (packed / name).open(newline="") as file:
+            header = next(csv.reader(file))
+        assert [column for pattern, column in told if fnmatch(name, pattern)] == header
 
 
 def test_recorded_photometry_is_near_field_and_says_so(packed: Path) -> None:
