@@ -13,8 +13,11 @@ from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
 
-MODELS: Final = ("perez", "clear", "partly-cloudy", "overcast", "uniform", "cie:1 .. cie:15")
-"""Names that `daylight` takes for a sky; clear and partly-cloudy mean Perez' sky for the illuminances given."""
+_IES: Final = ("ies-clear", "ies-partly-cloudy", "ies-overcast")
+
+MODELS: Final = ("perez", "clear", "partly-cloudy", "overcast", "uniform", "cie:1 .. cie:15", *_IES)
+"""Names that `daylight` takes for a sky; clear and partly-cloudy mean Perez' sky for the illuminances given, those of
+the IES are the ones of its RP-21."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +96,11 @@ def sky_model(
         altitude = max(sun_altitude_deg, 1.0)
         normal = beam_lx / math.sin(math.radians(altitude))
         return PerezSky.from_illuminances(normal, max(diffuse_lx, 1.0), altitude, sun_azimuth_deg).luminance
-    if sky.startswith("cie:") and sky[4:].isdigit() and 1 <= int(sky[4:]) <= 15:
+    standard = sky.startswith("cie:") and sky[4:].isdigit() and 1 <= int(sky[4:]) <= 15
+    if standard or sky in _IES:
         from analysis.sky.standard import StandardSky
 
-        kind = int(sky[4:])
+        kind = int(sky[4:]) if standard else sky
         return StandardSky.of_diffuse(kind, max(diffuse_lx, 1.0), sun_altitude_deg, sun_azimuth_deg).luminance
     raise DataError(f"there is no sky {sky!r}", f"use {', '.join(MODELS)}, or a map's file")
 

@@ -9,7 +9,10 @@ import click
 
 from labdaq.errors import StorageError
 
-_SKIES = "perez, clear, partly-cloudy, overcast, uniform, cie:1 .. cie:15, or a map (.hdr or .npz)"
+_SKIES = (
+    "perez, clear, partly-cloudy, overcast, uniform, cie:1 .. cie:15, ies-clear, ies-partly-cloudy, ies-overcast, "
+    "or a map (.hdr or .npz)"
+)
 
 
 def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -113,8 +116,9 @@ def command(
     With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
     found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
 
-    With --export, solids go to DIR as OBJ and STL, prismatic lenses as BSDF files, and, when --diffuse or a map tells
-    the daylight, --rays (or 100,000) rays of sun and sky as text and TM-25; --ray-set reads such files back.
+    With --export, solids go to DIR as OBJ and STL, prismatic lenses and the whole skylight as BSDF files, and, when
+    --diffuse or a map tells the daylight, --rays (or 100,000) rays of sun and sky as text and TM-25; --ray-set reads
+    such files back.
     """
     if sessions:
         _sessions(context, sessions, as_json, options)

@@ -5,12 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from analysis.bsdf.xml_write import write_bsdf
 from analysis.simulate.export.meshes import write_obj, write_stl
 from analysis.simulate.export.solids import Solid, solids
 from analysis.simulate.radiance.lenses import bsdf_file, klems_file
 from analysis.simulate.radiance.scene import surfaces_text
 from analysis.simulate.rays import RaySet, write_rays
 from analysis.simulate.system import Lens, System, Wall
+from analysis.simulate.whole import klems_of_system, tree_of_system
 from labdaq.errors import SimulationError, StorageError
 from labdaq.whole_file import write_whole_bytes
 
@@ -24,6 +26,7 @@ Skylight as labdaq simulates it. Frame: x east, y north, z up; the origin is the
 | `cover.stl` ... | each body alone; closed, outward normals | mm |
 | `entry.xml`, `exit.xml` | BSDF of a prismatic lens as a tensor tree (Radiance); front is the flat side | 1/sr |
 | `entry-klems.xml` ... | the same in the full Klems basis (WINDOW, LightTools, TracePro by conversion) | 1/sr |
+| `whole.xml`, `whole-klems.xml` | the whole skylight as such files; front is outside, x east, y south | 1/sr |
 | `skylight.rad` | Radiance scene without a light source: `oconv skylight.rad` | mm |
 | `rays.txt`, `rays.tm25ray` | rays of sun and sky before the cover: x y z l m n flux | m (TM-25: mm), lm |
 
@@ -55,6 +58,9 @@ def write_folder(
     for body, path in zip(bodies, files[1:], strict=True):
         write_stl(path, body)
     reasons: list[str] = []
+    for name, made in (("whole.xml", tree_of_system(system)), ("whole-klems.xml", klems_of_system(system))):
+        write_bsdf(folder / name, made)
+        files.append(folder / name)
     lenses = _lens_files(folder, system, files)
     try:
         text = "# millimetres; add a sky and a sun\n" + surfaces_text(system, lenses)

@@ -26,7 +26,8 @@ def test_a_folder_with_everything_and_back(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     report = json.loads(done.output)
     names = {"skylight.obj", "cover.stl", "well.stl", "exit.stl", "entry.xml", "entry-klems.xml", "exit.xml",
-             "exit-klems.xml", "skylight.rad", "rays.txt", "rays.tm25ray", "README.md"}  # fmt: skip
+             "exit-klems.xml", "whole.xml", "whole-klems.xml", "skylight.rad", "rays.txt", "rays.tm25ray",
+             "README.md"}  # fmt: skip
     assert {Path(path).name for path in report["files"]} == names == {path.name for path in folder.iterdir()}
     assert report["not_written"] == [] and report["rays"] == 30_000
     assert radiance(["oconv", "skylight.rad"], b"", folder).startswith(b"#?RADIANCE")

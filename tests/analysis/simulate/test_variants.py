@@ -169,7 +169,7 @@ def test_daylight_that_cannot_be_is_refused() -> None:
 
 
 def test_daylight_has_the_illuminances_asked_for() -> None:
-    for sky in ("uniform", "overcast", "perez"):
+    for sky in ("uniform", "overcast", "perez", "cie:7", "ies-clear", "ies-partly-cloudy", "ies-overcast"):
         day = daylight(30.0, 90.0, 50_000.0, 12_000.0, sky)
         assert day.diffuse_lx == pytest.approx(12_000.0, rel=1e-9)
         assert day.normal_lx == pytest.approx(38_000.0 / 0.5)
