@@ -176,9 +176,11 @@ def _even(v: Floats) -> Floats:
     return np.ones(v.shape[:-1])
 
 
-def errors(case: Case, engine: Callable[..., Floats], types: tuple[int, ...] = TYPES, **how: int) -> Floats:
+def errors(
+    case: Case, engine: Callable[..., Floats], types: tuple[int, ...] = TYPES, steps: int = 600, **how: int
+) -> Floats:
     """(engine - integral) / integral, (skies, points); 0 where no light comes."""
-    exact = integral(case, types)
+    exact = integral(case, types, steps)
     if engine is plane:
         exact = exact[:, parallel(case)]
     return np.where(exact > 0.0, engine(case, types, **how) / np.where(exact > 0.0, exact, 1.0) - 1.0, 0.0)

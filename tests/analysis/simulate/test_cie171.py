@@ -57,14 +57,14 @@ def test_the_integral_is_done(case: Case) -> None:
 @pytest.mark.parametrize("case", [ROOF, GLAZED_ROOF], ids=lambda c: c.name)
 def test_roof_openings(case: Case) -> None:
     """One unglazed, one glazed; three skies; a million rays leave noise of some 3 % at a point."""
-    found = errors(case, plane, (1, 5, 12), rays=1_000_000)
+    found = errors(case, plane, (1, 5, 12), 150, rays=1_000_000)
     assert abs(found.mean()) < 0.01 and np.sqrt(np.mean(found**2)) < 0.05
 
 
 @pytest.mark.parametrize("case", [ROOF, FACADE, OVERHANG, FENCE], ids=lambda c: c.name)
 def test_every_side_of_the_room(case: Case) -> None:
     """A hole sees some 1 % of the rays pass: 250,000 leave noise of 2 %. Radiance draws 1,024 for a point."""
-    ours, theirs = errors(case, holes, (1, 12), rays=250_000), errors(case, radiance, (1, 12), rays=1_024)
+    ours, theirs = errors(case, holes, (1, 12), 150, rays=250_000), errors(case, radiance, (1, 12), 150, rays=1_024)
     assert abs(ours.mean()) < 0.01 and np.abs(ours).max() < 0.06
     assert abs(theirs.mean()) < 0.01 and np.abs(theirs).max() < 0.06
 
