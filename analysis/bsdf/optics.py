@@ -79,6 +79,40 @@ def rough_normal(
 
 
 @compiled
+def meet_surface(
+    inside: bool,
+    nx: float,
+    ny: float,
+    nz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    index: float,
+    sigma: float,
+    state: State,
+) -> tuple[bool, float, float, float]:
+    """Let a ray meet a bit of a surface once; return whether it goes on inside the material, and its direction.
+
+    n points out of the material of refractive index ``index``; d runs towards the surface. A tilted bit may send the
+    ray the wrong way through the facet.
+    """
+    mx, my, mz = rough_normal(nx, ny, nz, dx, dy, dz, sigma, state)
+    along = mx * dx + my * dy + mz * dz
+    cos_i = min(1.0, abs(along))
+    n_from, n_to = (index, 1.0) if inside else (1.0, index)
+    if uniform(state) < fresnel(cos_i, n_from, n_to):
+        dx, dy, dz = dx - 2.0 * along * mx, dy - 2.0 * along * my, dz - 2.0 * along * mz
+    else:
+        ratio = n_from / n_to
+        cos_t = math.sqrt(max(0.0, 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)))
+        shift = (cos_t if along > 0.0 else -cos_t) - ratio * along
+        dx, dy, dz = ratio * dx + shift * mx, ratio * dy + shift * my, ratio * dz + shift * mz
+        inside = not inside
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return inside, dx / length, dy / length, dz / length
+
+
+@compiled
 def cross_surface(
     inside: bool,
     nx: float,
@@ -93,24 +127,11 @@ def cross_surface(
 ) -> tuple[bool, float, float, float]:
     """Let a ray meet a surface; return whether it goes on inside the material, and its direction.
 
-    n points out of the material of refractive index ``index``; d runs towards the surface. A ray that a tilted bit of
-    surface sends the wrong way through the facet meets the facet again, so no energy is lost.
+    As `meet_surface`, but a ray that a tilted bit of surface sends the wrong way through the facet meets the facet
+    again, so no energy is lost.
     """
     for _ in range(1000):
-        mx, my, mz = rough_normal(nx, ny, nz, dx, dy, dz, sigma, state)
-        along = mx * dx + my * dy + mz * dz
-        cos_i = min(1.0, abs(along))
-        n_from, n_to = (index, 1.0) if inside else (1.0, index)
-        if uniform(state) < fresnel(cos_i, n_from, n_to):
-            dx, dy, dz = dx - 2.0 * along * mx, dy - 2.0 * along * my, dz - 2.0 * along * mz
-        else:
-            ratio = n_from / n_to
-            cos_t = math.sqrt(max(0.0, 1.0 - ratio * ratio * (1.0 - cos_i * cos_i)))
-            shift = (cos_t if along > 0.0 else -cos_t) - ratio * along
-            dx, dy, dz = ratio * dx + shift * mx, ratio * dy + shift * my, ratio * dz + shift * mz
-            inside = not inside
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        dx, dy, dz = dx / length, dy / length, dz / length
+        inside, dx, dy, dz = meet_surface(inside, nx, ny, nz, dx, dy, dz, index, sigma, state)
         away = nx * dx + ny * dy + nz * dz
         if (away < 0.0) == inside:
             return inside, dx, dy, dz
