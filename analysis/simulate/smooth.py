@@ -7,6 +7,9 @@ leaves no bias of second order at peaks, and none at the horizon's edge, unlike 
 
 Each direction gets the widest neighbourhood that still agrees with all narrower ones within their noise (Goldenshluger
 & Nemirovski 1997, intersection of confidence intervals): peaks, where counts are plenty, stay sharp.
+
+What this bends is estimated where it is asked for: by how much the value departs from the narrowest neighbourhood's,
+and that one from the plain mean of its inner half, each beyond the noise.
 """
 
 import functools
@@ -40,11 +43,13 @@ LEAST_PROBES: Final = 4
 class Operator:
     """Sparse matrices (directions x cells): lumens to candela, its squares, and some of its rows.
 
+    ``inner`` is the plain mean over half the radius, also lumens to candela.
     ``zone`` holds the zone of gamma of each direction, ``probe_zone`` that of each row of ``probe``.
     """
 
     weights: Any
     squares: Any
+    inner: Any
     probe: Any
     zone: NDArray[np.int64]
     probe_zone: NDArray[np.int64]
@@ -81,8 +86,8 @@ def smoother(
     return Smoother(operators(sides[0], sharp_deg), operators(sides[1], soft_deg), gamma.shape)
 
 
-def smooth(lumens: Floats, operators: tuple[Operator, ...]) -> tuple[Floats, Floats]:
-    """Candela and standard uncertainty (directions, T) from lumens (batches, cells, T)."""
+def smooth(lumens: Floats, operators: tuple[Operator, ...], bias: bool = False) -> tuple[Floats, Floats]:
+    """Candela and standard uncertainty (directions, T) from lumens (batches, cells, T), with ``bias`` if asked for."""
     mean = lumens.mean(axis=0)
     best: tuple[Any, Any] | None = None
     low: Any = None
@@ -99,7 +104,19 @@ def smooth(lumens: Floats, operators: tuple[Operator, ...]) -> tuple[Floats, Flo
         agreed = agreed & (low <= high)
         best = np.where(agreed, value, best[0]), np.where(agreed, error, best[1])
     assert best is not None
+    if bias:
+        best = best[0], np.hypot(best[1], _bent(lumens, operators[0], best[0]))
     return best
+
+
+def _bent(lumens: Floats, narrow: Operator, value: Floats) -> Floats:
+    """What the smoothing may have bent [cd], shape (directions, T)."""
+    by_batch = np.stack([narrow.weights @ batch for batch in lumens])
+    inner = np.stack([narrow.inner @ batch for batch in lumens])
+    first, second = value - by_batch.mean(axis=0), (by_batch - inner).mean(axis=0)
+    noise = by_batch.var(axis=0, ddof=1) / len(lumens), (by_batch - inner).var(axis=0, ddof=1) / len(lumens)
+    result: Floats = np.sqrt(np.maximum(first**2 - noise[0], 0.0) + np.maximum(second**2 - noise[1], 0.0))
+    return result
 
 
 def _size(lumens: Floats, operator: Operator) -> Floats:
@@ -136,9 +153,10 @@ def _operator(gammas: tuple[float, ...], cs: tuple[float, ...], side: int, radiu
     columns = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
     values = _weights(here, middle, moments, counts, columns, reach) * side**2 / (2.0 * math.pi)
     weights = sparse.csr_matrix((values, columns, first), shape=(len(here), side**2))
+    inner = sparse.csr_matrix((_inner(here, middle, counts, columns, reach), columns, first), shape=weights.shape)
     zone = np.searchsorted(np.array(ZONES_DEG), np.array(gammas))
     some = np.s_[:: max(1, len(here) // 200)]
-    return Operator(weights, weights.power(2), weights[some], zone, zone[some])
+    return Operator(weights, weights.power(2), inner, weights[some], zone, zone[some])
 
 
 @functools.lru_cache(maxsize=4)
@@ -170,6 +188,17 @@ def _weights(here: Floats, middle: Floats, moments: Floats, counts: Any, columns
     solved = np.repeat(np.linalg.solve(normal, value)[..., 0], counts, axis=0)
     result: Floats = np.sum(solved * basis, axis=1) * kernel * np.repeat(here[:, 2], counts)
     return result
+
+
+def _inner(here: Floats, middle: Floats, counts: Any, columns: Any, reach: float) -> Floats:
+    """Weight of each pair in the plain mean over half the reach (at least the nearest cell), in candela."""
+    gap = np.linalg.norm(middle[columns] - np.repeat(here, counts, axis=0), axis=1)
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    nearest = np.repeat(np.minimum.reduceat(gap, starts), counts)
+    inside = gap <= np.maximum(0.5 * reach, 1.000001 * nearest)
+    cosines = np.add.reduceat(np.where(inside, middle[columns, 2], 0.0), starts)
+    scale: Floats = np.repeat(here[:, 2] / np.maximum(cosines, 1e-12), counts) * len(middle) / (2.0 * math.pi)
+    return np.where(inside, scale, 0.0)
 
 
 def _basis(e: Floats, n: Floats, m: Floats) -> Floats:
