@@ -33,10 +33,21 @@ MOST_RING: Final = 65_536
 _KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING, "bsdf": k.TABLE}
 
 
-def skylight(system: System, samples: int, sampler: Sampler | None = None) -> k.Skylight:
-    """A system's arrays, with all parts of its scatter tables, which are made or read where lenses need them."""
-    above, below = _lens_tables(system.entry, samples, sampler)
-    under, _ = _lens_tables(system.exit, samples, sampler)
+def skylight(
+    system: System, samples: int, sampler: Sampler | None = None, *, prismatic_tables: bool = True
+) -> k.Skylight:
+    """A system's arrays, with all parts of its scatter tables, which are made or read where lenses need them.
+
+    Without ``prismatic_tables`` only lenses of files have tables: prismatic sheets are then traced at each hit.
+    """
+
+    def scatter(lens: Lens) -> tuple[Table, Table]:
+        if lens.kind == "prismatic" and not prismatic_tables:
+            return _no_table(), _no_table()
+        return _lens_tables(lens, samples, sampler)
+
+    above, below = scatter(system.entry)
+    under, _ = scatter(system.exit)
     return k.Skylight(
         geometry=geometry(system),
         facets=facets(system),

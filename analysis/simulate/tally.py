@@ -53,6 +53,14 @@ class Balance:
         lumens = {name: float(value) for name, value in zip(names, row, strict=False)}
         return cls(**lumens, rays=round(float(row[RAYS]) * batches))
 
+    def plus(self, other: "Balance") -> "Balance":
+        """Of two runs together: means by their rays."""
+        rays = self.rays + other.rays
+        share = self.rays / max(rays, 1)
+        names = [f.name for f in fields(self)][:RAYS]
+        mean = {n: share * getattr(self, n) + (1.0 - share) * getattr(other, n) for n in names}
+        return Balance(**mean, rays=rays)
+
     @property
     def residual(self) -> float:
         """What is not accounted for, as a share of what entered (rounding only)."""
@@ -144,9 +152,11 @@ class Tally:
         wall_reflectance: float | None = None,
         max_bounces: int | None = None,
         smoothing: Smoother | None = None,
+        bias: bool = False,
     ) -> Intensity:
         """Intensity [cd] in directions (gamma and C broadcast), shape (T, ...).
 
+        The uncertainty is that of statistics; with ``bias`` it includes what the smoothing may have bent.
         Raises `SimulationError` for the near field of a run that has none.
         """
         if field == "near" and self.sharp.shape[3] < 2:
@@ -155,9 +165,9 @@ class Tally:
         f = 1 if field == "near" else 0
         weights = self.bounce_weights(wall_reflectance, max_bounces)
         sharp, soft = (_added(hits[:, :, :, f], weights) for hits in (self.sharp, self.soft))
-        parts = [smooth(sharp, use.sharp)]
+        parts = [smooth(sharp, use.sharp, bias)]
         if soft.any():
-            parts.append(smooth(soft, use.soft))
+            parts.append(smooth(soft, use.soft, bias))
         shape = (self.members, *use.shape)
         candela = np.maximum(sum(part[0] for part in parts), 0.0)
         variance = np.asarray(sum(part[1] ** 2 for part in parts))

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.aims import NO_AIMS
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
 from analysis.simulate.lens import LEAST, PARTS, SAMPLES, Sampler
@@ -209,7 +210,7 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
         flux = source.flux * BATCHES if given else per_ray(source, number * rounds)
         light = k.Light(source.mode, source.side, steps, flux, source.span, source.suns, np.ascontiguousarray(part))
         seed = np.uint64((use.seed * 1_000_003 + b) * 65_537 + r)
-        trace_kernel(ready, counts, light, seed, number)
+        trace_kernel(ready, counts, light, NO_AIMS, seed, number)
         if rounds > 1:
             here = (counts.sharp.astype(np.float64), counts.soft.astype(np.float64))
             sums = here if sums[0] is None else (sums[0] + here[0], sums[1] + here[1])

@@ -150,12 +150,47 @@ class Counts(NamedTuple):
     fan_near: Cells
 
 
+class Aims(NamedTuple):
+    """Directions in which light is scored instead of counted; see `analysis.simulate.kernels.aiming`.
+
+    Attributes
+    ----------
+    on
+        Whether it is.
+    back
+        Whether rays run backwards, from sensors to the sky; then what leaves by the cover is scored, and nothing else.
+    where : shape (4, n)
+        Unit vectors from the aperture's centre in the skylight's frame (z < 0), and the sensors' distance [m]; 0: far.
+    entry, exit : shape (11,)
+        Prismatic sheets, as `analysis.bsdf.prism_trace` wants them; of an entry that is none, empty.
+    entry_up, exit_up
+        Whether the prisms look up.
+    wanted, reach, found : shape (4, n), (n,), (n,)
+        Work of `analysis.bsdf.prism_aim`; ``found`` are the sums [cd].
+    state : shape (1,)
+        Random numbers of the sheets.
+    """
+
+    on: bool
+    back: bool
+    where: Singles
+    entry: Floats
+    exit: Floats
+    entry_up: bool
+    exit_up: bool
+    wanted: Singles
+    reach: Singles
+    found: Floats
+    state: NDArray[np.uint64]
+
+
 class Scene(NamedTuple):
     """All that a run works with."""
 
     sky: Skylight
     counts: Counts
     light: Light
+    aims: Aims
 
 
 class Ray(NamedTuple):

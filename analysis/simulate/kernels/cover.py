@@ -8,30 +8,12 @@ import numpy as np
 from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, WIDE, Frame, Load, Ray, Scene, Skylight
 from analysis.simulate.kernels.counting import NO, ZERO
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
+from analysis.simulate.kernels.frames import Turned, frame_of, inward
 from analysis.simulate.kernels.jit import jit, part
 from analysis.simulate.kernels.maps import cosine_lobe
 from analysis.simulate.kernels.optics import Place, dirt, entry_of, lens_finish, lens_hit, lens_place, lens_sample
 
 HAZE_SAMPLES: Final = 4
-
-Turned = tuple[float, float, float, bool, float, np.uint64]
-"""Direction after a lens, whether it passed, its weight, and the random state."""
-
-
-@jit
-def frame_of(nx: float, ny: float, nz: float) -> Frame:
-    """The sheet's x axis (the world's x laid onto it) and y axis, for an outward normal with nz > 0."""
-    k = 1.0 / math.sqrt(max(1e-12, 1.0 - nx * nx))
-    ex, ey, ez = (1.0 - nx * nx) * k, -nx * ny * k, -nx * nz * k
-    return Frame(ex, ey, ez, ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex, nx, ny, nz)
-
-
-@jit
-def inward(f: Frame, ox: float, oy: float, oz: float) -> tuple[float, float, float]:
-    """From the sheet's frame to the skylight's."""
-    x = ox * f.ex + oy * f.fx + oz * f.nx
-    y = ox * f.ey + oy * f.fy + oz * f.ny
-    return x, y, ox * f.ez + oy * f.fz + oz * f.nz
 
 
 @jit

@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.simulate.kernels.aiming import Left, exit_aim, exit_lobe, glow_aim
 from analysis.simulate.kernels.arrays import (
     AX,
     AY,
@@ -39,9 +40,6 @@ from analysis.simulate.kernels.optics import (
 
 RING: Final = 0.005
 """How far from its cosine of incidence a ring is used; the sun's disc reaches as far at grazing incidence."""
-
-Left = tuple[bool, float, float, float, np.uint64]
-"""Whether light passed the exit lens, tangential cosines, weight, and the random state."""
 
 
 @jit
@@ -97,6 +95,11 @@ def glow(
     aperture goes a whole fan; a lens there gets a few samples, each with a fan of its own.
     """
     sky, counts, geo = scene.sky, scene.counts, scene.sky.geometry
+    if scene.aims.back:
+        return state
+    if scene.aims.on and sky.exit[KIND] == NONE:
+        glow_aim(scene, load, value, x, y, z, nx, ny)
+        return state
     if sky.exit[KIND] == NONE:
         size = counts.split if load.boot + load.wall < 2 else max(ONE, counts.split // 4)
         pick, state = uniform(state)
@@ -119,7 +122,11 @@ def glow(
         if hit:
             share = 0.5 * value / counts.glow
             ray = Ray(ax, ay, 0.0, dx, dy, dz)
-            if sky.exit[KIND] == TABLE:
+            if scene.aims.on and sky.exit[KIND] == TABLE:
+                _, _, _, _, state = exit_aim(scene, load, share, ray, state)
+            elif scene.aims.on:
+                _, _, _, _, state = exit_lobe(scene, load, share, ray, state)
+            elif sky.exit[KIND] == TABLE:
                 _, _, _, _, state = exit_fan(scene, load, share, ray, state)
             else:
                 _, _, _, _, state = exit_plain(scene, load, share, ray, state)

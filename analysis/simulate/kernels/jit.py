@@ -1,8 +1,8 @@
 """How the kernels are compiled: cached on disk under a name that changes with any of their sources.
 
 numba notices a change of a function's own file only; a kernel that calls into another file would silently keep the
-old code. So the cache lives in a folder named after the content of all kernel files, outside the installation
-(which may be read-only).
+old code. So the cache lives in a folder named after the content of all kernel files and of the sheets'
+(`analysis.bsdf`), outside the installation (which may be read-only).
 """
 
 from collections.abc import Callable
@@ -17,7 +17,9 @@ from analysis.simulate.store import cache_folder, code_digest
 F = TypeVar("F", bound=Callable[..., Any])
 A = TypeVar("A")
 
-_FOLDER: Final = cache_folder("numba") / f"{code_digest('analysis/simulate/kernels')}-{numba.__version__}"
+_FOLDER: Final = (
+    cache_folder("numba") / f"{code_digest('analysis/simulate/kernels', 'analysis/bsdf')}-{numba.__version__}"
+)
 
 
 def _compiled(function: F, cache: bool, forceinline: bool) -> F:
