@@ -18,15 +18,15 @@ import numpy as np
 from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight, sky_source, sun_source
 from analysis.simulate.matrix import skylight_matrix
-from analysis.simulate.predict import predict
+from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, predict
 from analysis.simulate.prediction import Engine, SunAndSky
 from analysis.simulate.system import SYSTEMS
 from analysis.simulate.tracer import Settings, trace
 from analysis.simulate.variants import variants
 
 T = TypeVar("T")
-GAMMA: Final = np.array([0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0])
-C: Final = np.arange(0.0, 360.1, 22.5)
+GAMMA: Final = ARM_GAMMA_DEG[:-1]
+C: Final = ARM_C_DEG
 DISTANCE_M: Final = 2.6
 DAY: Final = daylight(50.0, 130.0, 80_000.0, 20_000.0, "perez")
 

@@ -13,6 +13,7 @@ from analysis.simulate.prediction import Engine, Prediction, SunAndSky
 from analysis.simulate.rays import RaySet
 from analysis.simulate.raysets import on_cover
 from analysis.simulate.room import Room
+from analysis.simulate.scored import Grid, score
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field, Tally
@@ -24,6 +25,13 @@ Floats = NDArray[np.float64]
 GAMMA_DEG: Final[Floats] = np.arange(0.0, 90.1, 2.5)
 C_DEG: Final[Floats] = np.arange(0.0, 360.1, 7.5)
 """The grid of a prediction: it holds the goniophotometer's directions (gamma 5, 15, ...; C 22.5, 45, ...)."""
+
+ARM_GAMMA_DEG: Final[Floats] = np.array([0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0, 90.0])
+ARM_C_DEG: Final[Floats] = np.arange(0.0, 360.1, 22.5)
+"""The goniophotometer's 145 directions: nine gammas in sixteen C-planes, and the nadir; and the horizon, for files."""
+
+FEW: Final = 400
+"""So many directions are scored one by one; more are counted and smoothed."""
 
 PILOT: Final = 200_000
 MOST_RAYS: Final = 200_000_000
@@ -55,9 +63,11 @@ def predict(
         Adds the light that the room's surfaces send to the sensors (needs a distance).
     precision
         Relative statistical uncertainty to reach, root mean square over the brighter directions; the rays follow from
-        a pilot run.
+        a pilot run. Of few directions half as much is aimed at, see `analysis.simulate.scored.score`.
     rays
         Rays for each part, instead of a precision.
+    gamma_deg
+        With ``c_deg`` at most `FEW` directions are scored one by one, without smoothing, where the skylight allows it.
     max_bounces, seed, threads
         See `analysis.simulate.tracer.Settings`.
     c_deg
@@ -109,15 +119,38 @@ def _traced(
     c_deg: Floats,
     sampler: Sampler | None,
 ) -> Prediction:
+    """Sun and sky, each scored in few directions where that is possible, else counted.
+
+    The far field beside a near one that is scored is counted, roughly: only the room's light needs it.
+    """
     facts: dict[str, Any] = {"seed": settings.seed, "max_bounces": settings.max_bounces}
+    grid = Grid.of(gamma_deg, c_deg)
+    wanted: Field = "near" if settings.distance_m > 0.0 else "far"
     tallies: list[Tally | None] = []
+    exact: list[tuple[Distribution, Floats] | None] = []
     for name, source in (("sun", sun_source([daylight])), ("sky", sky_source([daylight]))):
-        tally = None if source is None else _enough(system, source, settings, precision, gamma_deg, c_deg, sampler)
-        facts[name] = None if tally is None else dataclasses.asdict(tally.balance)
+        scored, tally = None, None
+        if source is not None and len(grid.gamma_deg) <= FEW:
+            scored = score(system, source, settings, precision, grid, sampler)
+        if source is not None and (scored is None or wanted == "near"):
+            enough = precision if scored is None else 0.0
+            tally = _enough(system, source, settings, enough, gamma_deg, c_deg, sampler)
+        balance = scored.balance if scored else tally.balance if tally else None
+        facts[name] = None if balance is None else dataclasses.asdict(balance)
         tallies.append(tally)
-    far = _parts(tallies, "far", gamma_deg, c_deg)
-    near = _parts(tallies, "near", gamma_deg, c_deg) if settings.distance_m > 0.0 else None
-    return Prediction(system, daylight, "tracer", far, near, settings.distance_m, facts)
+        exact.append((Distribution(gamma_deg, c_deg, scored.candela), scored.uncertainty) if scored else None)
+    fields = {name: _parts(tallies, name, gamma_deg, c_deg) for name in {"far", wanted}}
+    fields[wanted] = _replaced(fields[wanted], *exact)
+    near = fields["near"] if wanted == "near" else None
+    return Prediction(system, daylight, "tracer", fields["far"], near, settings.distance_m, facts)
+
+
+def _replaced(
+    counted: SunAndSky, sun: tuple[Distribution, Floats] | None, sky: tuple[Distribution, Floats] | None
+) -> SunAndSky:
+    """With the parts that were scored in place of those that were counted."""
+    a, b = sun or (counted.sun, counted.sun_uncertainty), sky or (counted.sky, counted.sky_uncertainty)
+    return SunAndSky(a[0], b[0], a[1], b[1])
 
 
 def _enough(
@@ -139,7 +172,8 @@ def _enough(
     for _ in range(2):
         if precision <= 0.0:
             break
-        have = _parts([tally, None], "near" if settings.distance_m > 0.0 else "far", gamma_deg, c_deg).worst_relative()
+        field: Field = "near" if settings.distance_m > 0.0 else "far"
+        have = _parts([tally, None], field, gamma_deg, c_deg, smoothing=False).worst_relative()
         if have <= precision or rays >= MOST_RAYS:
             break
         rays = int(min(MOST_RAYS, rays * min(400.0, 1.1 * (have / precision) ** 2)))
@@ -147,16 +181,18 @@ def _enough(
     return tally
 
 
-def _parts(tallies: list[Tally | None], field: Field, gamma_deg: Floats, c_deg: Floats) -> SunAndSky:
-    if c_deg[0] != 0.0 or c_deg[-1] != 360.0:
-        raise ConfigError(f"C must run from 0 to 360, not from {c_deg[0]:g} to {c_deg[-1]:g}")
+def _parts(
+    tallies: list[Tally | None], field: Field, gamma_deg: Floats, c_deg: Floats, smoothing: bool = True
+) -> SunAndSky:
+    """Candela of what was counted; the uncertainty is that of statistics, and of ``smoothing`` if asked for."""
+    Grid.of(gamma_deg, c_deg)
     found: list[Any] = []
     for tally in tallies:
         if tally is None:
             nothing = np.zeros((len(c_deg), len(gamma_deg)))
             found += [Distribution(gamma_deg, c_deg, nothing), nothing]
             continue
-        part = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], field)
+        part = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], field, bias=smoothing)
         error = np.concatenate([part.uncertainty[0], part.uncertainty[0, :1]])
         found += [Distribution.closed(gamma_deg, c_deg[:-1], part.candela[0]), error]
     return SunAndSky(found[0], found[2], found[1], found[3])

@@ -27,6 +27,7 @@ class Job:
     engine: Literal["tracer", "radiance"]
     distance: float | None
     room: str | None
+    directions: Literal["fine", "arm"]
     no_shields: bool
     settings: tuple[str, ...]
     orientation: float | None
@@ -46,7 +47,7 @@ class Job:
 def run(job: Job) -> dict[str, Any]:
     """Predict, write the files, and return the report. Raises a `LabdaqError`."""
     from analysis.simulate.ies import write_prediction
-    from analysis.simulate.predict import predict
+    from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, C_DEG, GAMMA_DEG, predict
     from analysis.simulate.tally import Field
 
     if job.room is not None and job.distance is None:
@@ -56,6 +57,7 @@ def run(job: Job) -> dict[str, Any]:
     if job.ray_set is not None:
         made = _under_rays(job)
     else:
+        gamma_deg, c_deg = (ARM_GAMMA_DEG, ARM_C_DEG) if job.directions == "arm" else (GAMMA_DEG, C_DEG)
         made = predict(
             system_of(job),
             daylight_of(job),
@@ -67,6 +69,8 @@ def run(job: Job) -> dict[str, Any]:
             seed=job.seed,
             max_bounces=job.max_bounces,
             threads=job.threads,
+            gamma_deg=gamma_deg,
+            c_deg=c_deg,
         )
     field: Field = "far" if job.distance is None else "near"
     issued = utc_text(SystemClock().utc_ns())[:10]
@@ -106,6 +110,7 @@ def _under_rays(job: Job) -> Any:
     said += ["--engine radiance"] if job.engine == "radiance" else []
     said += ["--parts"] if job.parts else []
     said += ["--rays"] if job.rays else []
+    said += ["--directions"] if job.directions != "fine" else []
     if said:
         raise ConfigError(f"{', '.join(said)}: not with --ray-set, whose rays are all the light, each traced once")
     settings = Settings(seed=job.seed, distance_m=job.distance or 0.0, max_bounces=job.max_bounces, threads=job.threads)

@@ -66,6 +66,13 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 @click.option(
     "--room", metavar="WALL[,FLOOR]", help="Add the light of a room with these reflectances; needs --distance."
 )
+@click.option(
+    "--directions",
+    type=click.Choice(["fine", "arm"]),
+    default="fine",
+    show_default=True,
+    help="Every 2.5 by 7.5 degrees, counted and smoothed; or the goniometer's 145, each scored without smoothing.",
+)
 @click.option("--no-shields", is_flag=True, help="Sensors without shields see the whole room (with --room).")
 @click.option(
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Change the system, e.g. wall.reflectance=0.9."
@@ -79,7 +86,7 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
     type=click.FloatRange(0.001, 0.5),
     default=0.01,
     show_default=True,
-    help="Statistical error to reach.",
+    help="Statistical error to reach, root mean square; with --directions arm, for two standard errors.",
 )
 @click.option("--rays", type=click.IntRange(min=1000), help="Rays for each part, instead of a precision.")
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
@@ -195,9 +202,9 @@ def _words(report: dict[str, Any]) -> str:
     sun = report["sun"]
     if "ray_set" in report:
         lines.append(f"  under the rays of {report['ray_set']}")
-        lines.append(f"  statistical uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
+        lines.append(f"  uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
         return "\n".join(lines)
     where = f"sun at {sun['altitude_deg']:.2f}, {sun['azimuth_deg']:.2f} degrees, " if sun else "no sun, "
     lines.append(f"  under {where}{report['global_lx']:.5g} lx global, {report['diffuse_lx']:.5g} lx diffuse")
-    lines.append(f"  statistical uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
+    lines.append(f"  uncertainty {100 * report['uncertainty']:.2g} % rms of the brighter directions")
     return "\n".join(lines)

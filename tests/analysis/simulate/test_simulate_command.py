@@ -46,6 +46,18 @@ def test_near_field_with_a_room_is_brighter_at_high_gamma(tmp_path: Path) -> Non
     assert np.all(ratio > 1.0) and ratio[-2] > ratio[10] + 0.1
 
 
+def test_directions_of_the_arm(tmp_path: Path) -> None:
+    words = [*DAY, "--rays", "20000", "--distance", "2.6", "--out", str(tmp_path / "a.ies")]
+    assert simulate("top", *words, "--directions", "arm").exit_code == 0
+    seen = read_lm63(tmp_path / "a.ies").distribution
+    assert list(seen.gamma_deg) == [0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0, 90.0]
+    assert list(seen.c_deg) == list(np.arange(0.0, 360.1, 22.5))
+    assert simulate("top", *words).exit_code == 0
+    fine = read_lm63(tmp_path / "a.ies").distribution
+    # 20,000 rays: 10 % of a direction's noise, and the counted nadir lies on a peak
+    assert seen.candela[0, 0] == pytest.approx(fine.candela[0, 0], rel=0.4)
+
+
 def test_a_system_from_toml_and_settings(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text('base = "tube"\nwell_depth_m = 0.5\nwall.reflectance = 0.9\n')
     out = str(tmp_path / "a.ies")
