@@ -69,9 +69,10 @@ def can_be_aimed(system: System, sampler: Sampler | None = None) -> bool:
 
 
 def can_be_followed_back(system: System, sampler: Sampler | None = None) -> bool:
-    """Whether light passes as well backwards: our own sheets without haze, no files and no foreign samplers."""
+    """Whether light passes as well backwards: our own sheets without haze under an open sky, no foreign samplers."""
     lenses = (system.entry, system.exit)
-    return sampler is None and all(lens.kind != "bsdf" and lens.haze == 0.0 for lens in lenses)
+    own = all(lens.kind != "bsdf" and lens.haze == 0.0 for lens in lenses)
+    return own and sampler is None and not system.obstructions
 
 
 def _blurred(lens: Lens) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.simulate.aimed import trace_aimed, trace_back
 from analysis.simulate.aims import can_be_aimed, can_be_followed_back
 from analysis.simulate.daylight import daylight
+from analysis.simulate.obstruction import Obstruction
 from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, predict
 from analysis.simulate.scored import Grid, score
 from analysis.simulate.source import Source, skies, suns
@@ -135,6 +136,17 @@ def test_precision_is_reached_in_few_directions() -> None:
         bright = candela > 0.05 * candela.max()
         assert np.sqrt(np.mean((error[bright] / candela[bright]) ** 2)) < 0.0115
     assert made.facts["sun"]["rays"] > 100_000
+
+
+def test_obstructions_hide_the_sky_from_scored_directions() -> None:
+    lid = Obstruction(corner_m=(-9.0, -9.0, 0.5), along_m=(18.0, 0.0, 0.0), across_m=(0.0, 18.0, 0.0))
+    covered = DIFFUSER.replace(obstructions=(lid,))
+    assert not can_be_followed_back(covered)
+    use = Settings(rays=200_000)
+    some, none = (score(s, skies([even]), use, 0.0, GRID) for s in (covered, DIFFUSER))
+    assert some is not None
+    assert none is not None
+    assert np.all(some.candela < 0.01 * none.candela)
 
 
 def test_same_seed_same_result_whatever_the_threads() -> None:
