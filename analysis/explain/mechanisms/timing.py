@@ -38,6 +38,7 @@ class ClockOffset(Mechanism):
         "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
     )
     modelled_twice = True
+    form_error = 0.2
     local_error = 0.4
     source = "S(t + d), under a steady sky or as the series itself went on; sun by NREL SPA (Reda and Andreas 2004)"
     tie_breaker = "log the time of each reading on both clocks"
@@ -63,7 +64,7 @@ class ClockOffset(Mechanism):
         """Images move otherwise than simulated; between the directions of a picture the sky is only guessed."""
         if scene.kinds == ("sky",):
             return 0.25
-        return 0.2 if np.any(scene.is_gonio) else super().form_error_in(scene)
+        return self.form_error if np.any(scene.is_gonio) else Mechanism.form_error
 
     def size_error_in(self, scene: Scene) -> float:
         """Images that are not as sharp as simulated seem to move less."""
