@@ -23,7 +23,7 @@ from labdaq.errors import LabdaqError
 Setting = tuple[tuple[str, float | str], ...]
 Field = tuple[Floats, Floats]
 
-TURNS_DEG: Final = (7.0, 18.0, 29.0, 40.0, 50.0, 61.0, 72.0, 83.0)
+TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
 DIFFUSE_SHARES: Final = (0.15,)
 SCATTERS_DEG: Final = (5.0, 15.0)
 AUREOLES_DEG: Final = (3.0, 8.0)
@@ -34,10 +34,10 @@ HAZE: Final = 0.15
 DEPTHS: Final = (0.15, 0.6)
 """Optical depths of dirt on the cover."""
 
-RAYS: Final = 160_000
-MORE_RAYS: Final = 480_000
+RAYS: Final = 100_000
+MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
-SUN_SAMPLES: Final = 16_384
+SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
 """Share of the whole's brightest direction below which the sun's share is drawn towards that of the flux."""
