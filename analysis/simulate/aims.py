@@ -6,9 +6,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Lens
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.lens import Sampler
-from analysis.simulate.system import Lens, System
+from analysis.simulate.system import System
 from labdaq.directions import vector
 
 Floats = NDArray[np.float64]

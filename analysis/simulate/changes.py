@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from analysis.simulate.system import LENS_PLACES, Lens, System, Wall
+from analysis.simulate.components import Lens, Wall
+from analysis.simulate.system import LENS_PLACES, System
 
 LENS_KEYS: Final = ("mirrored", "isotropic", "haze", "slope_deg", "blur_deg", "absorption_per_mm", "refractive_index")
 WALL_KEYS: Final = ("scatter_deg", "diffuse_fraction", "finish")

@@ -18,8 +18,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Lens
 from analysis.simulate.store import code_digest, kept
-from analysis.simulate.system import Lens
 
 Floats = NDArray[np.float64]
 Table = NDArray[np.int16]

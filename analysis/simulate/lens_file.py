@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Lens
 from analysis.simulate.lens import LEAST, Sampler, Table, in_parts, packed
 from analysis.simulate.store import code_digest, kept
-from analysis.simulate.system import Lens
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]

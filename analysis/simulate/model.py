@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Lens, Wall
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.lens import (
     HALF,
@@ -22,7 +23,7 @@ from analysis.simulate.lens import (
 )
 from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, wide_nodes
 from analysis.simulate.obstruction import rows
-from analysis.simulate.system import Lens, System, Wall
+from analysis.simulate.system import System
 
 Floats = NDArray[np.float64]
 

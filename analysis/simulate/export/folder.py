@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Final
 
 from analysis.bsdf.xml_write import write_bsdf
+from analysis.simulate.components import Lens, Wall
 from analysis.simulate.export.meshes import write_obj, write_stl
 from analysis.simulate.export.solids import Solid, solids
 from analysis.simulate.radiance.lenses import bsdf_file, klems_file
 from analysis.simulate.radiance.scene import surfaces_text
 from analysis.simulate.rays import RaySet, write_rays
-from analysis.simulate.system import Lens, System, Wall
+from analysis.simulate.system import System
 from analysis.simulate.whole import klems_of_system, tree_of_system
 from labdaq.errors import SimulationError, StorageError
 from labdaq.whole_file import write_whole_bytes

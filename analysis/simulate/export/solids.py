@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulate.system import Lens, System
+from analysis.simulate.components import Lens
+from analysis.simulate.system import System
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

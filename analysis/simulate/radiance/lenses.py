@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from analysis.simulate.components import Lens
 from analysis.simulate.store import cache_folder, code_digest, content_key
-from analysis.simulate.system import Lens
 
 DEPTH = 5
 """Finest cells of the trees are 1/32 of the square: about 3.6 degrees near the normal."""

@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulate.system import Lens, System, Wall
+from analysis.simulate.components import Lens, Wall
+from analysis.simulate.system import System
 from labdaq.errors import Problems, SimulationError
 
 _DOME_RINGS, _DOME_SECTORS = 24, 64

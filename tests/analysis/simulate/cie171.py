@@ -19,10 +19,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Aperture, Lens, Wall
 from analysis.simulate.obstruction import Obstruction
 from analysis.simulate.radiance.contributions import contributions
 from analysis.simulate.source import Luminance, skies
-from analysis.simulate.system import Aperture, Lens, System, Wall
+from analysis.simulate.system import System
 from analysis.simulate.tracer import Settings, trace
 from tests.analysis.simulate.cie171_rooms import CASES, DOWN, ROOM_M, SOUTH, TYPES, UP, Case, Rectangle, integral, world
 

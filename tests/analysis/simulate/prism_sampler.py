@@ -8,7 +8,7 @@ import math
 import numba
 import numpy as np
 
-from analysis.simulate.system import Lens
+from analysis.simulate.components import Lens
 
 
 @numba.njit(cache=True)

@@ -10,12 +10,13 @@ from analysis.bsdf.klems import KlemsBsdf
 from analysis.bsdf.model import Component
 from analysis.bsdf.report import reversed_paths
 from analysis.bsdf.xml_write import write_bsdf
+from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight
 from analysis.simulate.lens_file import WIDE_HALF, wide_nodes
 from analysis.simulate.predict import predict
 from analysis.simulate.radiance.lenses import bsdf_file, klems_file
 from analysis.simulate.source import suns
-from analysis.simulate.system import Lens, System, load, named
+from analysis.simulate.system import System, load, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import sky_vector, vector
 from labdaq.errors import ConfigError, DataError

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.simulate.components import Lens
 from analysis.simulate.export.meshes import write_obj, write_stl
 from analysis.simulate.export.solids import WALL_M, Solid, solids
-from analysis.simulate.system import Lens, System, named
+from analysis.simulate.system import System, named
 
 CASES = [
     named("top"),

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from prism_sampler import sheet_samples
 
+from analysis.simulate.components import Lens
 from analysis.simulate.kernels.maps import circle
 from analysis.simulate.lens import DELTA_UNITS, nodes, ring_table, sun_table, tables
 from analysis.simulate.smooth import smoother
 from analysis.simulate.source import cell_directions, suns
-from analysis.simulate.system import Lens, named
+from analysis.simulate.system import named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import vector
 

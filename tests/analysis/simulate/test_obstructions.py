@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.simulate.components import Aperture, Lens, Wall
 from analysis.simulate.daylight import daylight
 from analysis.simulate.obstruction import Obstruction, between
 from analysis.simulate.radiance.contributions import contributions
 from analysis.simulate.rays import entering
 from analysis.simulate.raysets import on_cover
 from analysis.simulate.source import skies, suns
-from analysis.simulate.system import Aperture, Lens, System, Wall, load, named
+from analysis.simulate.system import System, load, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.errors import ConfigError, DataError
 

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight
 from analysis.simulate.predict import predict
 from analysis.simulate.raysets import on_cover
 from analysis.simulate.room import Room
 from analysis.simulate.source import suns
-from analysis.simulate.system import Lens, System, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import sky_vector
 from labdaq.errors import ConfigError, DataError

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import dblquad
 from scipy.stats import qmc
 
+from analysis.simulate.components import Lens, Wall
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.kernels.optics import slab
 from analysis.simulate.predict import predict
@@ -17,7 +18,7 @@ from analysis.simulate.radiance.contributions import contributions
 from analysis.simulate.radiance.engine import coefficients, patch_means, radiance_prediction
 from analysis.simulate.radiance.scene import scene_text
 from analysis.simulate.source import suns
-from analysis.simulate.system import Lens, System, Wall, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import sky_vector, vector
 from labdaq.errors import SimulationError

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from analysis.simulate.aimed import trace_aimed, trace_back
 from analysis.simulate.aims import can_be_aimed, can_be_followed_back
+from analysis.simulate.components import Lens, Wall
 from analysis.simulate.daylight import daylight
 from analysis.simulate.obstruction import Obstruction
 from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, predict
 from analysis.simulate.scored import Grid, score
 from analysis.simulate.source import Source, skies, suns
-from analysis.simulate.system import Lens, System, Wall, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.errors import ConfigError
 from tests.analysis.simulate.test_tracer_gates import even, near_field_of_lambertian

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.simulate.components import Aperture, Lens, Wall
 from analysis.simulate.source import skies, suns
-from analysis.simulate.system import Aperture, Lens, System, Wall, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 
 Floats = NDArray[np.float64]

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from analysis.simulate.components import Lens
 from analysis.simulate.source import skies, suns
-from analysis.simulate.system import Lens, System, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tally import Intensity
 from analysis.simulate.tracer import Settings, trace
 

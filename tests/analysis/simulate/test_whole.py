@@ -10,10 +10,11 @@ from analysis.bsdf.model import Component
 from analysis.bsdf.tensor_tree import TensorTreeBsdf
 from analysis.bsdf.xml_read import read_bsdf
 from analysis.bsdf.xml_write import write_bsdf
+from analysis.simulate.components import Lens, Wall
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.predict import predict
 from analysis.simulate.source import skies
-from analysis.simulate.system import Lens, System, Wall, named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from analysis.simulate.whole import klems_of_system, tree_of_system
 
