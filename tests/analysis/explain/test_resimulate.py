@@ -14,6 +14,7 @@ from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.test_mechanisms import term
 
 BOX, TUBE = 0, 1
+pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
 
 
 @pytest.fixture(scope="module")
