@@ -40,11 +40,15 @@ MORE_RAYS: Final = 320_000
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
-"""Share of the whole's brightest direction below which the sun's share is drawn towards that of the flux."""
+"""Share of the brightest direction below which a ratio is drawn towards the usual one, and the sun's share towards that
+of the flux."""
 _FEW: Final = 0.05
-"""Share of a gamma's mean over C below which a ratio is drawn towards that of the whole gamma: the rays are few."""
-_HARDLY_ANY: Final = 3e-4
-"""The same share of the brightest gamma, below which a gamma's ratio is drawn towards that of the whole part."""
+"""The same share of a gamma's mean over C: there the rays are few."""
+_HARDLY_ANY: Final = 1e-4
+"""Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
+
+_AT_MOST: Final = (0.02, 50.0)
+"""Beyond these a ratio is noise of the rays, not physics."""
 
 
 def systems_of(case: Case) -> dict[str, System]:
@@ -151,13 +155,15 @@ class Tracing:
         """See `Retracings`."""
         far = self.spread({name: run.baseline.far for name, run in self.precise.items()})
         near = self.spread({name: run.baseline.near for name, run in self.precise.items()})
-        return ratio(near[0], far[0]), ratio(near[1], far[1])
+        # drawn towards 1: images blur where they are, and the rest stays
+        sun, sky = (_drawn(n, f, _DARK * np.maximum(_brightest(f), 1e-12)) for n, f in zip(near, far, strict=True))
+        return np.clip(sun, *_AT_MOST), np.clip(sky, *_AT_MOST)
 
     def sun_share(self) -> Floats:
         """See `Retracings`; in the dark the share of the whole flux."""
         sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in self.precise.items()})
         whole = sun + sky
-        floor = _DARK * whole.max(axis=(1, 2), keepdims=True)
+        floor = _DARK * _brightest(whole)
         mean = np.sum(sun, axis=(1, 2), keepdims=True) / np.sum(whole, axis=(1, 2), keepdims=True)
         return np.asarray((sun + floor * mean) / (whole + floor))
 
@@ -198,15 +204,21 @@ def daylight_of(case: Case, k: int, minutes: float) -> Daylight:
 
 
 def ratio(new: Floats, old: Floats) -> Floats:
-    """Ratio of fields (T, P, G); where rays are few, drawn towards the ratio of its gamma's mean over C.
+    """Ratio of fields (T, P, G); where rays are few, drawn towards the ratio that is usual at its gamma.
 
-    Never towards 1: far from the sun's image all directions are dark beside it, and yet each of them changes.
+    Never towards 1: far from the sun's image all directions are dark beside it, and yet each of them changes. Nor
+    towards the ratio of means over C: an image that moves or blurs changes those, and not the other directions.
     """
     rings = old.mean(axis=-2, keepdims=True)
-    brightest = np.maximum(rings.max(axis=-1, keepdims=True), 1e-12)
+    brightest = np.maximum(_brightest(old), 1e-12)
     whole = _drawn(new.mean(axis=(-2, -1), keepdims=True), old.mean(axis=(-2, -1), keepdims=True), 1e-9 * brightest)
-    of_gamma = _drawn(new.mean(axis=-2, keepdims=True), rings, _HARDLY_ANY * brightest, whole)
-    return np.asarray(np.clip(_drawn(new, old, _FEW * rings + 1e-9 * brightest, of_gamma), 0.02, 50.0))
+    usual = np.median(_drawn(new, old, _FEW * rings + _HARDLY_ANY * brightest, whole), axis=-2, keepdims=True)
+    few = np.maximum(_FEW * rings, _DARK * brightest)
+    return np.asarray(np.clip(_drawn(new, old, few, usual), *_AT_MOST))
+
+
+def _brightest(field: Floats) -> Floats:
+    return np.asarray(field.max(axis=(-2, -1), keepdims=True))
 
 
 def _drawn(new: Floats, old: Floats, floor: Floats, towards: Floats | float = 1.0) -> Floats:

@@ -132,7 +132,7 @@ def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
     expected = new[0, 20] / old[0, 20]
     assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.05, abs=1.2)
     old[0, 3], new[0, 3] = 0.0, 0.0
-    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.02)
+    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.04)
 
 
 # what mechanisms make of them
