@@ -9,13 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from labdaq.build import mount
-from labdaq.cli.files import find_script
-from labdaq.demo.tests import SCRIPT
+from labdaq.demo.tests import order_of, station_at
 from labdaq.errors import SimulationError
-from labdaq.headers import Order
 from labdaq.runs import run
-from labdaq.script import Script
-from labdaq.station import Station
 from simulators.world.campaign import PlannedTest
 from simulators.world.greenwood import greenwood_tests
 
@@ -31,14 +27,7 @@ def take(planned: PlannedTest, sessions: Path) -> Path:
     """Take one test on the built-in station in virtual time and process it; returns the session's folder."""
     from analysis.process.session import process_session
 
-    station = Station.built_in()
-    assert station.emulation is not None
-    emulation = station.emulation.model_copy(update=planned.emulation())
-    file = find_script(SCRIPT)
-    facts = {"test": planned.name, "system": planned.system, "sky": planned.sky}
-    script = Script.load(file).model_copy(update=facts)
-    order = Order(station.model_copy(update={"emulation": emulation}), script, sessions, None, file)
-    (path,) = run(order, mount, virtual=True)
+    (path,) = run(order_of(planned, station_at(planned), sessions), mount, virtual=True)
     process_session(path)
     return path
 

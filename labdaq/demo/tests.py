@@ -43,18 +43,28 @@ class Task:
     @property
     def station(self) -> Station:
         """The built-in station at the test's time, below its sky, in a room painted black."""
-        station = Station.built_in()
-        assert station.emulation is not None
-        emulation = station.emulation.model_copy(update=self.planned.emulation())
+        station = station_at(self.planned)
         room = station.room.model_copy(update={"wall_reflectance": 0.0, "floor_reflectance": 0.0})
-        return station.model_copy(update={"emulation": emulation, "room": room})
+        return station.model_copy(update={"room": room})
 
     @property
     def order(self) -> Order:
         """The report's test, of this system below this sky."""
-        file = find_script(SCRIPT)
-        facts = {"test": self.planned.name, "system": self.planned.system, "sky": self.planned.sky}
-        return Order(self.station, Script.load(file).model_copy(update=facts), self.sessions, None, file)
+        return order_of(self.planned, self.station, self.sessions)
+
+
+def station_at(planned: PlannedTest) -> Station:
+    """The built-in station at a test's time, below its sky."""
+    station = Station.built_in()
+    assert station.emulation is not None
+    return station.model_copy(update={"emulation": station.emulation.model_copy(update=planned.emulation())})
+
+
+def order_of(planned: PlannedTest, station: Station, sessions: Path) -> Order:
+    """The report's test as it is planned, to be taken on ``station`` into ``sessions``."""
+    file = find_script(SCRIPT)
+    facts = {"test": planned.name, "system": planned.system, "sky": planned.sky}
+    return Order(station, Script.load(file).model_copy(update=facts), sessions, None, file)
 
 
 def take(task: Task, *, rate: float | None = None, watch: Watch | None = None) -> Path:
