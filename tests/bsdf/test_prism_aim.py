@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.bsdf.prism import PrismSheet, scatter_samples
+from analysis.bsdf.prism import PrismSheet, Side, scatter_samples
 from analysis.bsdf.prism_aim import aimed_many, shown_area
 
 Floats = NDArray[np.float64]
@@ -34,28 +34,28 @@ def hemisphere(steps: int, up: float) -> tuple[Floats, Floats]:
     return directions, np.sin(theta) * step**2
 
 
-def light(side: str, tilt_deg: float) -> Floats:
+def light(side: Side, tilt_deg: float) -> Floats:
     t = np.radians(tilt_deg)
     return np.array([np.sin(t) * 0.8, np.sin(t) * 0.6, np.cos(t) if side == "prism" else -np.cos(t)])
 
 
 @pytest.mark.parametrize("side", ["prism", "flat"])
 @pytest.mark.parametrize("tilt", [0.0, 40.0, 70.0])
-def test_density_adds_up_to_the_transmittance(side: str, tilt: float) -> None:
+def test_density_adds_up_to_the_transmittance(side: Side, tilt: float) -> None:
     d = light(side, tilt)
     cells, solid = hemisphere(60, float(np.sign(d[2])))
-    out, weight = scatter_samples(SHEET, side, d, 400_000, np.random.default_rng(1))  # type: ignore[arg-type]
+    out, weight = scatter_samples(SHEET, side, d, 400_000, np.random.default_rng(1))
     expected = float(np.where(out[0, :, 2] * d[2] > 0.0, weight[0], 0.0).mean())
     # 20,000 rays: 0.3 % of the transmittance's own noise
     assert np.sum(density(d, cells, rays=20_000) * solid) == pytest.approx(expected, abs=0.012)
 
 
 @pytest.mark.parametrize(("side", "leaves"), [("prism", 1.0), ("flat", 1.0), ("prism", -1.0)])
-def test_density_is_what_samples_scatter(side: str, leaves: float) -> None:
+def test_density_is_what_samples_scatter(side: Side, leaves: float) -> None:
     """Means over caps of 2 degrees, through and (``leaves`` -1) back; a flat side's reflection has no density."""
     d = light(side, 55.0)
     rng = np.random.default_rng(2)
-    out, weight = scatter_samples(SHEET, side, d, 1_000_000, rng)  # type: ignore[arg-type]
+    out, weight = scatter_samples(SHEET, side, d, 1_000_000, rng)
     there = out[0][out[0, :, 2] * d[2] * leaves > 0.0]
     here = there[rng.integers(0, len(there), 6)]
     share = weight[0][out[0, :, 2] * d[2] * leaves > 0.0] / 1e6

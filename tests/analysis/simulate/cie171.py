@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from analysis.simulate.components import Aperture, Lens, Wall
 from analysis.simulate.obstruction import Obstruction
 from analysis.simulate.radiance.contributions import contributions
-from analysis.simulate.source import Luminance, skies
+from analysis.simulate.source import Luminance, Source, skies
 from analysis.simulate.system import System
 from analysis.simulate.tracer import Settings, trace
 from tests.analysis.simulate.cie171_rooms import CASES, DOWN, ROOM_M, SOUTH, TYPES, UP, Case, Rectangle, integral, world
@@ -55,7 +55,12 @@ def turned(sky: Luminance, axes: Floats) -> Luminance:
 def placed(rectangle: Rectangle, place: Floats, axes: Floats) -> Obstruction:
     """A rectangle of the world as an obstruction in a frame of its own."""
     corner, u, v = rectangle
-    return Obstruction(*(tuple(float(x) for x in axes @ a) for a in (corner - place, u, v)))  # type: ignore[arg-type]
+    return Obstruction(_triple(axes @ (corner - place)), _triple(axes @ u), _triple(axes @ v))
+
+
+def _triple(vector: Floats) -> tuple[float, float, float]:
+    x, y, z = (float(a) for a in vector)
+    return x, y, z
 
 
 def room(case: Case, side: Floats) -> list[Rectangle]:
@@ -92,20 +97,22 @@ def holes(case: Case, types: tuple[int, ...] = TYPES, rays: int = 2_000_000) -> 
     for k, (place, side) in enumerate(case.points):
         axes = turn(side)
         source = skies([turned(world(kind), axes) for kind in types] + [_even])
-
-        def lit(rectangles: list[Rectangle], place=place, axes=axes, source=source) -> Floats:  # type: ignore[no-untyped-def]
-            around = tuple(placed(rectangle, place, axes) for rectangle in rectangles)
-            flux, _ = trace(hole.replace(obstructions=around), source, settings).flux()
-            return flux / hole.aperture_area_m2
-
-        walls = room(case, side)
+        walls = tuple(placed(rectangle, place, axes) for rectangle in room(case, side))
+        open_ = _lit(hole.replace(obstructions=walls), source, settings)
         if case.mask is None:
-            found[:, k] = lit(walls)[:-1]
+            found[:, k] = open_[:-1]
             continue
-        with_mask = lit([*walls, case.mask])
-        taken = lit(walls)[-1] - with_mask[-1]
+        mask = placed(case.mask, place, axes)
+        with_mask = _lit(hole.replace(obstructions=(*walls, mask)), source, settings)
+        taken = open_[-1] - with_mask[-1]
         found[:, k] = with_mask[:-1] + taken * np.array([case.mask_luminance(kind) for kind in types])
     return found
+
+
+def _lit(hole: System, source: Source, settings: Settings) -> Floats:
+    """Illuminance of a hole under each sky of a source."""
+    flux, _ = trace(hole, source, settings).flux()
+    return flux / hole.aperture_area_m2
 
 
 def plane(case: Case, types: tuple[int, ...] = TYPES, rays: int = 4_000_000) -> Floats:

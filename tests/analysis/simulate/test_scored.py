@@ -1,6 +1,7 @@
 """Directions scored one by one: analytic cases, both ways along the same light, and what is said of the error."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from labdaq.errors import ConfigError
 from tests.analysis.simulate.test_tracer_gates import even, near_field_of_lambertian
 
 Floats = NDArray[np.float64]
+Way = Callable[[System, Source, float], tuple[Floats, Floats]]
 GRID = Grid.of(np.array([0.0, 15.0, 35.0, 55.0, 75.0]), np.arange(0.0, 361.0, 45.0))
 GAMMA, C = GRID.gamma_deg, GRID.c_deg
 DIFFUSER = System(
@@ -46,12 +48,12 @@ def backwards(system: System, source: Source, distance: float, rays: int = 60, s
 
 
 @pytest.mark.parametrize("way", [forwards, backwards])
-def test_a_lambertian_aperture(way: object) -> None:
+def test_a_lambertian_aperture(way: Way) -> None:
     """A diffuser of transmittance 0.6 under an even sky of 1 cd/m² has 0.6 cd/m²."""
     sky, area = skies([even]), DIFFUSER.aperture_area_m2
-    far, error = way(DIFFUSER, sky, 0.0)  # type: ignore[operator]
+    far, error = way(DIFFUSER, sky, 0.0)
     assert np.all(np.abs(far - 0.6 * area * np.cos(np.radians(GAMMA))) < 5 * error + 1e-3 * area)
-    near, error = way(DIFFUSER, sky, 2.6)  # type: ignore[operator]
+    near, error = way(DIFFUSER, sky, 2.6)
     expected = np.array([near_field_of_lambertian(0.6096, 2.6, g, c) for g, c in zip(GAMMA, C, strict=True)])
     assert np.all(np.abs(near - 0.6 * expected) < 5 * error + 1e-3 * area)
 
@@ -72,7 +74,7 @@ def pulls(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> Floats:
 @pytest.mark.parametrize("name", ["top", "box", "tube"])
 @pytest.mark.parametrize("distance", [0.0, 2.6])
 def test_forwards_and_backwards_agree(name: str, distance: float) -> None:
-    """Two estimators that share no event's code: a sky's light to a sensor, and a sensor's rays to the sky."""
+    """A sky's light scored at the last event, and a sensor's rays followed to the sky; they share walls and sheets."""
     day = daylight(40.0, 100.0, 60_000.0, 20_000.0, "perez")
     system, sky = named(name).replace(rotation_deg=20.0), skies([day.sky])
     pull = pulls(forwards(system, sky, distance, 200_000), backwards(system, sky, distance, 200))
