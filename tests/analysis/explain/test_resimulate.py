@@ -128,9 +128,10 @@ def test_where_it_is_dark_beside_a_peak_a_ratio_stays_what_it_is() -> None:
 def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
     old = np.full((1, 72, len(GAMMA_DEG)), 100.0)
     new = old * np.linspace(1.0, 0.5, len(GAMMA_DEG))
-    old[0, 3], new[0, 3] = 0.0, 5.0  # a few rays of one run alone
     expected = new[0, 20] / old[0, 20]
-    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.05, abs=1.2)
+    old[0, 3], new[0, 3] = 0.0, 0.5  # a few rays of one run alone
+    drawn = tracing.ratio(new, old)[0, 3, :]
+    assert np.all((drawn > expected) & (drawn < expected + 0.15)), "half a per cent of its gamma adds a tenth"
     old[0, 3], new[0, 3] = 0.0, 0.0
     assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.04)
 
