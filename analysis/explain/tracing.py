@@ -46,7 +46,6 @@ _FEW: Final = 0.05
 """The same share of a gamma's mean over C: there the rays are few."""
 _HARDLY_ANY: Final = 1e-4
 """Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
-
 _AT_MOST: Final = (0.02, 50.0)
 """Beyond these a ratio is noise of the rays, not physics."""
 

@@ -209,7 +209,7 @@ class _Runs:
 
     def want(self, plan: _Plan) -> None:
         first = not self._wanted
-        for key in (plan.sun_key, plan.sky_key)[: 1 + self._sky]:
+        for key in (plan.sun_key, plan.sky_key) if self._sky else (plan.sun_key,):
             _, tallied = self._wanted.get(key, (plan, False))
             self._wanted[key] = (plan, tallied or plan.tallied or first)
 

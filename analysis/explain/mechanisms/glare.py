@@ -9,6 +9,12 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
 
+_SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
+_DIRECTIONS = 6
+"""Fewer directions do not show a sky."""
+_CORE_DEG = 10.0
+"""Within this angle light is spread evenly, for the directions that were read are as far apart."""
+
 
 class VeilingGlare(CameraMechanism):
     """Light scattered in the lens lays a veil over the picture."""
@@ -42,13 +48,6 @@ class VeilingGlare(CameraMechanism):
         if branch.value:
             return f"{p[0]:.1%} of the light is spread about over the picture (scattered in the lens)."
         return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
-
-
-_SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
-_DIRECTIONS = 6
-"""Fewer directions do not show a sky."""
-_CORE_DEG = 10.0
-"""Within this angle light is spread evenly, for the directions that were read are as far apart."""
 
 
 def _spread(scene: Scene) -> Floats:
