@@ -13,6 +13,10 @@ from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
 from labdaq import directions
 
+WHITE = 1e6 / 6191.0
+BLUEST = 1e6 / 16000.0
+"""Reciprocal colour temperatures [MK^-1] of cloud and of the deep blue of a clear sky."""
+
 
 def camera_is_measured(scene: Scene) -> np.ndarray:
     """Rows whose reading comes from the camera; on the other luminance rows the prediction does; shape (N,)."""
@@ -80,11 +84,15 @@ class SpectralMismatch(CameraMechanism):
     leaves_out = "The camera's luminance weights were not made for blue sky."
     parameters = (Parameter("error_on_blue", "1", "relative error on the bluest sky", -0.6, 0.6, 0.12, (-0.08, 0.08)),)
     needs = "the sky's class, or directions and the sun's place"
-    source = "L (1 + m b), b the blueness: 1 in clear sky far from the sun, 0 in cloud; hdr.md section 5; Navarra 2022"
+    source = (
+        "L (1 + m b), b the blueness: 0 in cloud, in clear sky linear in the reciprocal colour temperature, which goes "
+        "as the log of the luminance (Chain et al. 2001, Energy and Buildings 33, 193-198; coefficients: Diakite-"
+        "Kortlever and Knoop 2021, as in Radiance's perezlum_c.cal), or as the share of scattered blue; hdr.md 5"
+    )
     tie_breaker = "a picture through a neutral and a blue filter, or a spectrometer at one place in the sky"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Blueness by the sky's class, by the distance from the sun, or by both."""
+        """Blueness by the sky's class, by the luminance of each direction, or by the air's share in it."""
         r = scene.readings
         classes = {t.sky for t in r.case.tests}
         ways = []
@@ -92,9 +100,7 @@ class SpectralMismatch(CameraMechanism):
             ways.append(Branch("by sky class", "class"))
         placed = ~np.isnan(r.gamma_deg[scene.is_sky])
         if np.all(placed) and not np.any(np.isnan(r.sun_altitude_at_deg[scene.is_sky])):
-            ways.append(Branch("by distance from the sun", "angle"))
-            if ways[0].value == "class":
-                ways.append(Branch("by sky class and distance from the sun", "both"))
+            ways.append(Branch("by the luminance of each direction", "luminance"))
             if np.max(np.bincount(r.test[scene.is_sky])) >= 6:
                 ways.append(Branch("by the share of scattered blue in each direction", "share"))
         return tuple(ways)
@@ -118,14 +124,20 @@ class SpectralMismatch(CameraMechanism):
 
 
 def _blueness(scene: Scene, way: str) -> Floats:
-    r = scene.readings
+    clear = _clearness(scene)
     if way == "class":
-        return _clearness(scene)
-    if way == "share":
-        return _clearness(scene) * scene.remember(_blue_share)
-    sun = directions.sky_vector(r.sun_altitude_at_deg, r.sun_azimuth_at_deg)
-    away = 1.0 - np.exp(-directions.angle_between(towards(scene.readings), sun) / 30.0)
-    return away * _clearness(scene) if way == "both" else away
+        return clear
+    return clear * (_blue_by_luminance(scene) if way == "luminance" else scene.remember(_blue_share))
+
+
+def _blue_by_luminance(scene: Scene) -> Floats:
+    """Blueness of clear sky by its luminance [cd/m²]: 0 as white as cloud (6191 K), 1 where it is 16,000 K; (N,).
+
+    Reciprocal colour temperature in MK^-1; below 500 cd/m² no sky was measured.
+    """
+    luminance = np.maximum(scene.readings.simulated, 500.0)
+    reciprocal = -180.956 + 78.648 * np.log10(luminance)
+    return np.asarray(np.clip((WHITE - reciprocal) / (WHITE - BLUEST), 0.0, 1.2))
 
 
 def _clearness(scene: Scene) -> Floats:

@@ -24,7 +24,6 @@ from tests.analysis.explain.roof import (
     luminance,
     picture_points,
     sky_case,
-    sun_distance,
     sun_of,
 )
 
@@ -248,18 +247,24 @@ OPEN = [
         ("vignetting", "fourth-power law", (0.3,), 1.0 - 0.3 * RIM**4),
         ("vignetting", "cube law", (0.3,), 1.0 - 0.3 * RIM**3),
         ("spectral-mismatch", "by sky class", (0.2,), 1.0 + 0.2 * np.repeat(OPEN, len(ZENITH))),
-        (
-            "spectral-mismatch",
-            "by distance from the sun",
-            (0.2,),
-            1.2 - 0.2 * np.exp(-np.concatenate([sun_distance(ZENITH, ROUND, *t.sun) for t in SKY_TESTS]) / 30.0),
-        ),
     ],
 )
 def test_the_picture_shows_what_the_effect_gives(
     picture: Scene, mechanism: str, way: str, theta: tuple[float, ...], factor: Floats
 ) -> None:
     assert acted(picture, mechanism, way, *theta) == pytest.approx(picture.readings.simulated * factor, rel=2e-3)
+
+
+def test_blueness_goes_with_the_colour_temperature_that_a_luminance_has(picture: Scene) -> None:
+    luminance = picture.readings.simulated
+    kelvin = 1e6 / (-180.956 + 78.648 * np.log10(luminance))
+    white, blue = 6191.0, 16_000.0
+    blueness = (1.0 / white - 1.0 / kelvin) / (1.0 / white - 1.0 / blue)
+    made = acted(picture, "spectral-mismatch", "by the luminance of each direction", 0.2) / luminance - 1.0
+    inside = (luminance > 500.0) & (blueness > 0.0) & (blueness < 1.2)
+    assert inside.sum() > 50
+    assert made[inside] == pytest.approx((0.2 * np.repeat(OPEN, len(ZENITH)) * blueness)[inside], abs=1e-6)
+    assert np.all(made[blueness < 0.0] == 0.0)
 
 
 def test_a_veil_is_a_share_of_the_mean_luminance(picture: Scene) -> None:
