@@ -71,6 +71,8 @@ class Conclusion:
         Best gain of an unnamed family without any named mechanism [nats].
     one_instrument
         Whether only a meter or a camera was read, no goniometer.
+    nat
+        So many nats, times the root of what is gained, count as one.
     law_alone
         The same of a law that is not in the catalogue.
     considered
@@ -92,6 +94,7 @@ class Conclusion:
     unnamed_alone: float = 0.0
     law_alone: float = -np.inf
     one_instrument: bool = False
+    nat: float = TEMPER
     seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
@@ -103,6 +106,10 @@ class Conclusion:
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return 1.0 if self.one_instrument else IMITATION
+
+    def temper(self, gain: float) -> float:
+        """How many nats count as one for the first name, beside what that gains."""
+        return temper(gain, self.nat)
 
 
 def decide(found: Conclusion, few: float) -> None:
@@ -142,9 +149,9 @@ def doubles(name: str) -> tuple[str, ...]:
     return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
 
 
-def temper(gain: float) -> float:
+def temper(gain: float, nat: float = TEMPER) -> float:
     """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root."""
-    return TEMPER * float(np.sqrt(max(gain, 1.0)))
+    return nat * float(np.sqrt(max(gain, 1.0)))
 
 
 def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float) -> float:
@@ -165,7 +172,7 @@ def name_the_sure(found: Conclusion) -> bool:
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])
-    nats = temper(evidence - found.nothing.evidence)
+    nats = found.temper(evidence - found.nothing.evidence)
     without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
@@ -219,7 +226,7 @@ def _probabilities(found: Conclusion) -> None:
     """
     ids, alone = found.best.ids, _alone(found)
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
-    nats = temper(top)
+    nats = found.temper(top)
     rivals = _rivals(found, top, nats)
     sure = 0.0
     if ids:
