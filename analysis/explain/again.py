@@ -15,7 +15,7 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, pre
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
-from analysis.explain.tracing import HAZES, daylight_of, ratio, systems_of
+from analysis.explain.tracing import HAZES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.room import Room
@@ -106,7 +106,9 @@ def _system_in(scene: Scene, label: str) -> str | None:
 def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tuple[Floats, Floats] | None:
     """Ratio (T, P, G) of both parts with the settings to the baseline; ``None`` where a system is not described."""
     case = scene.readings.case
-    systems = systems_of(case)
+    if scene.retraced is None or scene.retraced.simulator is None:
+        return None
+    systems = scene.retraced.simulator.traced_systems()
     sun, sky = (np.ones((len(case.tests), len(C_DEG), len(GAMMA_DEG))) for _ in range(2))
     assert case.setup.goniometer is not None
     for name in {t.system for t in case.tests if t.system}:
@@ -122,7 +124,7 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
             made = variants(
                 systems[system],
                 [daylight_of(case, k, late) for k in these],
-                [Change("", change)],
+                [Change("", on_top(systems[system], change))],
                 distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
                 rays=RAYS,
                 gamma_deg=GAMMA_DEG,

@@ -8,10 +8,14 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain.fields import fields_of
+from analysis.explain.likeness import likened
+from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
 from analysis.explain.tracing import AUREOLES_DEG, Field, Tracing, systems_of
 from analysis.simulate.system import System
+from analysis.simulate.tally import Field as TallyField
 
 
 def simulator_of(case: Case) -> "OwnSimulation | None":
@@ -35,12 +39,15 @@ class Retracings:
         Near over far field of both parts, (T, P, G) each.
     sun_share
         Sun part over both, as predicted, (T, P, G); NaN in tests that cannot be traced.
+    systems
+        What was traced: the case's systems with lenses like the prediction's.
     """
 
     paths: dict[str, tuple[Path, ...]]
     aureoles: list[Floats]
     near: Field
     sun_share: Floats
+    systems: Mapping[str, System]
 
 
 class OwnSimulation:
@@ -53,8 +60,10 @@ class OwnSimulation:
     @cached_property
     def made(self) -> Retracings:
         """All of it, traced in one go."""
-        traced = Tracing(self.case, self.systems)
-        return Retracings(paths_of(traced), traced.aureoles(), traced.near_over_far(), traced.sun_share())
+        traced = Tracing(self.case, _likened(self.case, self.systems))
+        return Retracings(
+            paths_of(traced), traced.aureoles(), traced.near_over_far(), traced.sun_share(), traced.systems
+        )
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """See `analysis.explain.retrace.Simulator.paths`."""
@@ -74,3 +83,29 @@ class OwnSimulation:
     def sun_share(self) -> Floats | None:
         """See `analysis.explain.retrace.Simulator.sun_share`."""
         return self.made.sun_share
+
+    def traced_systems(self) -> Mapping[str, System]:
+        """See `analysis.explain.retrace.Simulator.traced_systems`."""
+        return self.made.systems
+
+
+def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, System]:
+    """The systems with lenses like the prediction's, where it gives the sun part apart."""
+    readings = Readings.of(case, measured_only=False)
+    if not readings.has_parts or case.setup.goniometer is None:
+        return dict(systems)
+    seen = fields_of(readings).sun
+    field: TallyField = "near" if case.setup.simulation.field == "near" else "far"
+    days = Tracing(case, systems).days
+    return {
+        name: likened(
+            system,
+            [day for _, day in days[name]],
+            seen[[k for k, _ in days[name]]],
+            case.setup.goniometer.distance_m,
+            field,
+        )
+        if name in days
+        else system
+        for name, system in systems.items()
+    }

@@ -1,6 +1,6 @@
 """Re-simulations: the case's variants, and where it brings none, our own, as changes of the predicted fields."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,7 @@ from analysis.cases.model import Floats, Variant
 from analysis.explain.fields import Fields, fields_of, from_files
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
+from analysis.simulate.system import System
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
@@ -66,6 +67,10 @@ class Simulator(Protocol):
 
     def sun_share(self) -> Floats | None:
         """Share (T, P, G) of the sun part in both; NaN in tests that it cannot trace."""
+        ...
+
+    def traced_systems(self) -> Mapping[str, System]:
+        """The systems that are traced, by id: as described, with lenses like the prediction's."""
         ...
 
 

@@ -6,7 +6,7 @@ the two engines disagree about drops out.
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.readings import sun_at
-from analysis.simulate.changes import Change
+from analysis.simulate.changes import Change, lenses_of
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.system import System, from_case_table
 from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
@@ -99,10 +99,11 @@ class Tracing:
 
         ``rays`` for each sun; 0 takes `RAYS`.
         """
-        changes = [Change("", dict(s)) for s in _settings(self.systems[name])] if changed else []
+        system = self.systems[name]
+        changes = [Change("", on_top(system, dict(s))) for s in _settings(system)] if changed else []
         assert self.case.setup.goniometer is not None
         return variants(
-            self.systems[name],
+            system,
             days,
             changes,
             distance_m=self.case.setup.goniometer.distance_m,
@@ -135,8 +136,8 @@ class Tracing:
         """Ratio of both parts with ``settings`` to the baseline; 1 for systems that do not have such a setting."""
         made = {}
         for name, run in self.runs.items():
-            found = [outcome for change, outcome in run.variants if tuple(change.setting.items()) == settings]
-            made[name] = self.as_predicted(found[0] if found else run.baseline)
+            mine = dict(zip(_settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
+            made[name] = self.as_predicted(mine.get(settings, run.baseline))
         return self.over_base(made)
 
     def over_base(self, made: Mapping[str, Parts]) -> Field:
@@ -170,6 +171,19 @@ class Tracing:
 def haze(where: tuple[str, ...]) -> Setting:
     """The setting of haze in some lens, or in all."""
     return (("haze", HAZE), *(("lenses", place) for place in where))
+
+
+def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
+    """A setting whose haze (in all lenses, or those it names) comes on top of the haze that the lenses have."""
+    rest = dict(setting)
+    share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
+    places = () if share is None else (chosen,) if chosen else lenses_of(system)
+    for place in ("entry", "exit"):
+        more = share if place in places else rest.get(f"{place}.haze")
+        if more is not None:
+            own = getattr(system, place).haze
+            rest[f"{place}.haze"] = own + (1.0 - own) * more
+    return rest
 
 
 def _settings(system: System) -> list[Setting]:

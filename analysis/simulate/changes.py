@@ -38,9 +38,7 @@ def changed(system: System, setting: Mapping[str, Any]) -> System:
     """The system with the optical part of a change's setting; see `Change`. Raises `ConfigError`."""
     rest = dict(setting)
     chosen = rest.pop("lenses", None)
-    places = (chosen,) if chosen else tuple(p for p in ("entry", "exit") if getattr(system, p).kind != "none")
-    if not chosen and any(getattr(system, p).kind == "prismatic" for p in places):
-        places = tuple(p for p in places if p in LENS_PLACES.get(system.kind, places))
+    places = (chosen,) if chosen else lenses_of(system)
     dotted: dict[str, Any] = {}
     for key, value in rest.items():
         if key in ("aureole_deg", "distance_m", *TALLY_KEYS):
@@ -56,6 +54,14 @@ def changed(system: System, setting: Mapping[str, Any]) -> System:
         else:
             dotted[key] = value
     return _plainest(system.with_settings(dotted)) if dotted else _plainest(system)
+
+
+def lenses_of(system: System) -> tuple[str, ...]:
+    """Where a system has lenses: its prismatic sheets, or all its sheets if none of them is."""
+    places = tuple(p for p in ("entry", "exit") if getattr(system, p).kind != "none")
+    if any(getattr(system, p).kind == "prismatic" for p in places):
+        return tuple(p for p in places if p in LENS_PLACES.get(system.kind, places))
+    return places
 
 
 def _plainest(system: System) -> System:

@@ -1,0 +1,146 @@
+"""The lens that a prediction was made with, as far as its light tells.
+
+A case says "prismatic" and no more. Our own tracing of other settings is only as good as its lens: where its images lie
+beside those of the prediction, what it changes lies beside them, too. So before anything is traced again, the prisms
+(which way they look, how steep and how evenly moulded they are) and the haze are chosen with which our engine comes
+nearest to the prediction's own sun part.
+"""
+
+import itertools
+from typing import Final
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.simulate.daylight import Daylight, sun_source
+from analysis.simulate.system import LENS_PLACES, System
+from analysis.simulate.tally import Field
+from analysis.simulate.tracer import Settings, trace
+
+Prisms = tuple[tuple[str, ...], int, int]
+"""Which side each lens carries them on, and the places of slope and tilt among those that are tried."""
+
+SIDES: Final = ("down", "up")
+SLOPES_DEG: Final = (18.0, 22.5, 27.0, 31.5, 36.0, 42.0)
+BLURS_DEG: Final = (2.0, 4.0, 7.0, 11.0, 16.0)
+HAZES: Final = (0.0, 0.07, 0.15, 0.25, 0.4)
+"""What is tried; the lens that is supposed without a prediction is among them."""
+_BEGIN: Final = 4, 3
+"""Slope and tilt of a second beginning for each way that the prisms may look."""
+SUNS: Final = 3
+"""So many of a system's tests are compared, from the lowest sun to the highest."""
+RAYS: Final = 16_000
+"""Rays for each sun."""
+SAMPLES: Final = 2_048
+_TRACED_HAZE: Final = 0.3
+_DARK: Final = 0.02
+"""Share of the brightest direction that is added before directions are compared by their logarithms."""
+_GAIN: Final = 0.92
+"""Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
+
+
+def likened(system: System, days: list[Daylight], seen: Floats, distance_m: float, field: Field) -> System:
+    """The system with the prisms and haze that look most like a prediction.
+
+    Parameters
+    ----------
+    days, seen : shape (T, P, G) [cd]
+        Its tests, and the sun part predicted for each on the grid of `analysis.explain.fields`.
+    field
+        Whether the prediction is of the far field, or of the near one at ``distance_m``.
+    """
+    places = [p for p in LENS_PLACES.get(system.kind, ()) if getattr(system, p).kind == "prismatic"]
+    lit = [k for k, day in enumerate(days) if day.beam_lx > 0.0 and np.any(seen[k] > 0.0)]
+    if not places or not lit:
+        return system
+    lit.sort(key=lambda k: days[k].sun_altitude_deg)
+    chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
+    look = _Look(system, places, [days[k] for k in chosen], seen[chosen], distance_m, field)
+    lens = getattr(system, places[0])
+    supposed = (
+        tuple(getattr(system, p).prisms for p in places),
+        _nearest(SLOPES_DEG, lens.slope_deg),
+        _nearest(BLURS_DEG, lens.blur_deg),
+    )
+    begun = [(sides, *supposed[1:]) for sides in itertools.product(SIDES, repeat=len(places))]
+    begun += [(sides, *_BEGIN) for sides, *_ in begun]
+    best = min(begun, key=look.unlike)
+    while look.unlike(better := min(_beside(best), key=look.unlike)) < look.unlike(best):
+        best = better
+    return look.hazy(best if look.unlike(best) < _GAIN * look.unlike(supposed) else supposed)
+
+
+class _Look:
+    """A system's sun part with other lenses, beside the predicted one."""
+
+    def __init__(
+        self, system: System, places: list[str], days: list[Daylight], seen: Floats, distance_m: float, field: Field
+    ) -> None:
+        self.system, self.places, self.field = system, places, field
+        self.source = sun_source(days)
+        self.use = Settings(rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, distance_m=distance_m, bounces=1)
+        self.seen = _logs(seen)
+        self.known: dict[Prisms, float] = {}
+
+    def with_lens(self, prisms: Prisms) -> System:
+        """The system with such prisms in all its places."""
+        sides, slope, blur = prisms
+        values: dict[str, float | str] = {}
+        for place, side in zip(self.places, sides, strict=True):
+            values |= {f"{place}.prisms": side, f"{place}.slope_deg": SLOPES_DEG[slope]}
+            values[f"{place}.blur_deg"] = BLURS_DEG[blur]
+        return self.system.with_settings(values)
+
+    def light(self, system: System) -> Floats:
+        """Its sun part, (T, P, G) [cd]."""
+        assert self.source is not None
+        tally = trace(system, self.source, self.use)
+        return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None], self.field).candela
+
+    def unlike(self, prisms: Prisms) -> float:
+        """How unlike the prediction, with the haze of the last lens that fits best (a cosine lobe)."""
+        if prisms not in self.known:
+            light = self.light(self.with_lens(prisms))
+            flux = np.sum(light * solid_angle(), axis=(1, 2), keepdims=True)
+            lobe = flux * np.cos(np.radians(GAMMA_DEG)) / np.pi
+            self.known[prisms] = min(self.beside((1.0 - h) * light + h * lobe) for h in HAZES)
+        return self.known[prisms]
+
+    def beside(self, light: Floats) -> float:
+        """Rms difference of the logarithms."""
+        return float(np.sqrt(np.mean((_logs(light) - self.seen) ** 2)))
+
+    def hazy(self, prisms: Prisms) -> System:
+        """The system with such prisms, and the haze of each of its lenses that fits best."""
+        system = self.with_lens(prisms)
+        plain = self.light(system)
+        more = [
+            (self.light(system.with_settings({f"{p}.haze": _TRACED_HAZE})) - plain) / _TRACED_HAZE for p in self.places
+        ]
+
+        def unlike(hazes: tuple[float, ...]) -> float:
+            return self.beside(plain + sum(x * m for x, m in zip(hazes, more, strict=True)))
+
+        best = min(itertools.product(HAZES, repeat=len(self.places)), key=unlike)
+        if unlike(best) > _GAIN * self.beside(plain):
+            return system
+        return system.with_settings({f"{p}.haze": h for p, h in zip(self.places, best, strict=True)})
+
+
+def _logs(light: Floats) -> Floats:
+    """Logarithms of a light (T, P, G) over its brightest, those of dark directions drawn together; mean zero."""
+    brightest = np.maximum(light.max(axis=(1, 2), keepdims=True), 1e-12)
+    logs = np.log(light / brightest + _DARK)
+    return np.asarray(logs - logs.mean(axis=(1, 2), keepdims=True))
+
+
+def _nearest(values: tuple[float, ...], wanted: float) -> int:
+    return int(np.argmin(np.abs(np.array(values) - wanted)))
+
+
+def _beside(prisms: Prisms) -> list[Prisms]:
+    """Neighbours on the lattice of slopes and tilts."""
+    sides, slope, blur = prisms
+    near = [(slope + i, blur + j) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    return [(sides, i, j) for i, j in near if 0 <= i < len(SLOPES_DEG) and 0 <= j < len(BLURS_DEG)]

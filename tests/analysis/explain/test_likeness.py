@@ -1,0 +1,90 @@
+"""Before anything is traced again, our lens is made to look like the prediction's."""
+
+import numpy as np
+import pytest
+
+from analysis.cases.model import Floats
+from analysis.explain import likeness
+from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.likeness import likened
+from analysis.explain.tracing import on_top
+from analysis.simulate.daylight import Daylight, daylight, sun_source
+from analysis.simulate.system import SYSTEMS, System
+from analysis.simulate.tracer import Settings, trace
+
+pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
+DAYS = [daylight(35.0, 100.0, 50_000.0, 12_000.0, "perez"), daylight(62.0, 170.0, 90_000.0, 15_000.0, "perez")]
+FARTHEST_M = 2.6
+
+
+def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Floats:
+    """Somebody's sun part of each test, (T, P, G) [cd]."""
+    source = sun_source(days)
+    assert source is not None
+    tally = trace(system, source, Settings(rays=30_000, samples=2_048, sun_samples=2_048, seed=seed))
+    return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None]).candela
+
+
+@pytest.mark.parametrize("kind", ["top", "box"])
+def test_the_supposed_lens_stays_where_it_looks_like_the_prediction(kind: str) -> None:
+    assert likened(SYSTEMS[kind], DAYS, predicted(SYSTEMS[kind]), FARTHEST_M, "far") == SYSTEMS[kind]
+
+
+def test_the_prisms_of_a_prediction_are_found() -> None:
+    """In a box both lenses are alike, but for the side that carries the prisms."""
+    box = SYSTEMS["box"].with_settings(
+        {f"{p}.{key}": v for p in ("entry", "exit") for key, v in (("slope_deg", 36.0), ("blur_deg", 11.0))}
+        | {"exit.prisms": "down"}
+    )
+    found = likened(SYSTEMS["box"], DAYS, predicted(box), FARTHEST_M, "far")
+    assert (found.entry.prisms, found.exit.prisms) == ("down", "down")
+    assert abs(found.entry.slope_deg - 36.0) <= 6.0 and found.entry.blur_deg in (7.0, 11.0, 16.0)
+
+
+def test_haze_of_a_prediction_is_found() -> None:
+    hazy = SYSTEMS["top"].with_settings({"entry.haze": 0.22})
+    found = likened(SYSTEMS["top"], DAYS, predicted(hazy), FARTHEST_M, "far")
+    assert found.entry.haze in (0.15, 0.25)
+
+
+def test_what_has_no_prisms_and_what_has_no_sun_stays() -> None:
+    dull = SYSTEMS["tube"].with_settings({"exit.kind": "diffusing"})
+    assert likened(dull, DAYS, predicted(dull), FARTHEST_M, "far") is dull
+    grey = [daylight(35.0, 100.0, 12_000.0, 12_000.0, "overcast")]
+    nothing = np.zeros((1, len(C_DEG), len(GAMMA_DEG)))
+    assert likened(SYSTEMS["top"], grey, nothing, FARTHEST_M, "far") is SYSTEMS["top"]
+
+
+def test_a_wall_changes_what_it_changes_in_the_prediction_only_below_the_right_lens() -> None:
+    """The reason for all this: the same change of a wall, below the supposed lens and below the one that is found."""
+    made = {"entry.blur_deg": 11.0, "exit.blur_deg": 11.0, "exit.prisms": "down", "exit.slope_deg": 36.0}
+    made |= {"entry.slope_deg": 36.0}
+
+    def change(system: System) -> Floats:
+        darker = system.with_settings({"wall.reflectance": 0.8})
+        ratio = np.log((predicted(darker) + 1.0) / (predicted(system) + 1.0))[:, :, :30]
+        return np.asarray(ratio - ratio.mean(axis=(1, 2), keepdims=True))
+
+    box = SYSTEMS["box"].with_settings(made)
+    true = change(box)
+    found = likened(SYSTEMS["box"], DAYS, predicted(box), FARTHEST_M, "far")
+
+    def missed(system: System) -> float:
+        return float(np.sqrt(np.mean((change(system) - true) ** 2) / np.mean(true**2)))
+
+    assert missed(found) < 0.6 * missed(SYSTEMS["box"])
+
+
+def test_haze_comes_on_top_of_the_haze_that_is_there() -> None:
+    box = SYSTEMS["box"].with_settings({"entry.haze": 0.2})
+    assert on_top(box, {"haze": 0.15}) == pytest.approx({"entry.haze": 0.32, "exit.haze": 0.15})
+    assert on_top(box, {"haze": 0.15, "lenses": "entry"}) == pytest.approx({"entry.haze": 0.32})
+    assert on_top(box, {"entry.haze": 0.15, "wall_reflectance": 0.9}) == pytest.approx(
+        {"entry.haze": 0.32, "wall_reflectance": 0.9}
+    )
+    assert on_top(box, {"rotation_deg": 9.0}) == {"rotation_deg": 9.0}
+
+
+def test_directions_are_compared_whatever_their_scale() -> None:
+    light = predicted(SYSTEMS["top"])
+    assert np.allclose(likeness._logs(light), likeness._logs(3.0 * light))
