@@ -18,8 +18,9 @@ from analysis.simulate.system import LENS_PLACES, System
 from analysis.simulate.tally import Field
 from analysis.simulate.tracer import Settings, trace
 
-Prisms = tuple[tuple[str, ...], int, int]
-"""Which side each lens carries them on, and the places of slope and tilt among those that are tried."""
+Prisms = tuple[tuple[str, ...], bool, int, int]
+"""Which side each lens carries them on, whether a simulation knew their directions, and the places of slope and tilt
+among those that are tried."""
 
 SIDES: Final = ("down", "up")
 SLOPES_DEG: Final = (18.0, 22.5, 27.0, 31.5, 36.0, 42.0)
@@ -38,6 +39,9 @@ _DARK: Final = 0.02
 """Share of the brightest direction that is added before directions are compared by their logarithms."""
 _GAIN: Final = 0.92
 """Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
+
+_NO_PATTERN: Final = 0.7
+"""The same of lenses without a pattern, against those with one: there, no turn would be seen."""
 
 
 def likened(system: System, days: list[Daylight], seen: Floats, distance_m: float, field: Field) -> System:
@@ -60,14 +64,15 @@ def likened(system: System, days: list[Daylight], seen: Floats, distance_m: floa
     lens = getattr(system, places[0])
     supposed = (
         tuple(getattr(system, p).prisms for p in places),
+        lens.isotropic,
         _nearest(SLOPES_DEG, lens.slope_deg),
         _nearest(BLURS_DEG, lens.blur_deg),
     )
-    begun = [(sides, *supposed[1:]) for sides in itertools.product(SIDES, repeat=len(places))]
-    begun += [(sides, *_BEGIN) for sides, *_ in begun]
-    best = min(begun, key=look.unlike)
-    while look.unlike(better := min(_beside(best), key=look.unlike)) < look.unlike(best):
-        best = better
+    sides = itertools.product(SIDES, repeat=len(places))
+    best = look.best([(side, False, *at) for side in sides for at in (supposed[2:], _BEGIN)])
+    blurred = look.best([(best[0], True, *best[2:])])
+    if look.unlike(blurred) < _NO_PATTERN * look.unlike(best):
+        best = blurred
     return look.hazy(best if look.unlike(best) < _GAIN * look.unlike(supposed) else supposed)
 
 
@@ -85,11 +90,11 @@ class _Look:
 
     def with_lens(self, prisms: Prisms) -> System:
         """The system with such prisms in all its places."""
-        sides, slope, blur = prisms
-        values: dict[str, float | str] = {}
+        sides, isotropic, slope, blur = prisms
+        values: dict[str, float | str | bool] = {}
         for place, side in zip(self.places, sides, strict=True):
-            values |= {f"{place}.prisms": side, f"{place}.slope_deg": SLOPES_DEG[slope]}
-            values[f"{place}.blur_deg"] = BLURS_DEG[blur]
+            values |= {f"{place}.prisms": side, f"{place}.isotropic": isotropic}
+            values |= {f"{place}.slope_deg": SLOPES_DEG[slope], f"{place}.blur_deg": BLURS_DEG[blur]}
         return self.system.with_settings(values)
 
     def light(self, system: System) -> Floats:
@@ -106,6 +111,13 @@ class _Look:
             lobe = flux * np.cos(np.radians(GAMMA_DEG)) / np.pi
             self.known[prisms] = min(self.beside((1.0 - h) * light + h * lobe) for h in HAZES)
         return self.known[prisms]
+
+    def best(self, begun: list[Prisms]) -> Prisms:
+        """The least unlike that is reached from the best beginning, in steps of slope and tilt."""
+        best = min(begun, key=self.unlike)
+        while self.unlike(better := min(_beside(best), key=self.unlike)) < self.unlike(best):
+            best = better
+        return best
 
     def beside(self, light: Floats) -> float:
         """Rms difference of the logarithms."""
@@ -141,6 +153,6 @@ def _nearest(values: tuple[float, ...], wanted: float) -> int:
 
 def _beside(prisms: Prisms) -> list[Prisms]:
     """Neighbours on the lattice of slopes and tilts."""
-    sides, slope, blur = prisms
+    slope, blur = prisms[2:]
     near = [(slope + i, blur + j) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-    return [(sides, i, j) for i, j in near if 0 <= i < len(SLOPES_DEG) and 0 <= j < len(BLURS_DEG)]
+    return [(prisms[0], prisms[1], i, j) for i, j in near if 0 <= i < len(SLOPES_DEG) and 0 <= j < len(BLURS_DEG)]

@@ -25,6 +25,7 @@ from analysis.explain.tracing import (
     Tracing,
     daylight_of,
     haze,
+    knows_no_pattern,
     ratio,
 )
 from analysis.simulate.variants import Parts
@@ -115,8 +116,11 @@ def _dirt(traced: Tracing) -> Iterator[Path]:
 
 
 def _isotropy(traced: Tracing) -> Iterator[Path]:
-    blurred = traced.ratio((("isotropic", True),))
-    one = np.ones_like(blurred[0])
+    """From a simulation that knows no pattern to one that does; which of the two was predicted, `likeness` says."""
+    other = traced.ratio((("isotropic", True),))
+    one = np.ones_like(other[0])
+    given = np.zeros(len(traced.case.tests), dtype=bool)
+    given[[k for name, days in traced.days.items() if knows_no_pattern(traced.systems[name]) for k, _ in days]] = True
     weight = Parameter(
         "weight",
         "1",
@@ -127,7 +131,7 @@ def _isotropy(traced: Tracing) -> Iterator[Path]:
         (1.0,),
         centre=1.0,
     )
-    sun, sky = (ratio(one, r) for r in blurred)
+    sun, sky = (np.where(given[:, None, None], r, ratio(one, r)) for r in other)
     yield Path("a pattern, not its mean", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
 
 

@@ -173,9 +173,19 @@ def haze(where: tuple[str, ...]) -> Setting:
     return (("haze", HAZE), *(("lenses", place) for place in where))
 
 
+def knows_no_pattern(system: System) -> bool:
+    """Whether the system's lenses are as a simulation sees them that knows no directions in their plane."""
+    return any(getattr(system, place).isotropic for place in lenses_of(system))
+
+
 def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
-    """A setting whose haze (in all lenses, or those it names) comes on top of the haze that the lenses have."""
+    """A setting as a change of the system: haze (in all lenses, or those it names) comes on top of theirs.
+
+    And lenses whose pattern the prediction did not know get one, where others lose theirs.
+    """
     rest = dict(setting)
+    if "isotropic" in rest:
+        rest["isotropic"] = not knows_no_pattern(system)
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
     places = () if share is None else (chosen,) if chosen else lenses_of(system)
     for place in ("entry", "exit"):

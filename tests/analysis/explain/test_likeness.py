@@ -88,3 +88,11 @@ def test_haze_comes_on_top_of_the_haze_that_is_there() -> None:
 def test_directions_are_compared_whatever_their_scale() -> None:
     light = predicted(SYSTEMS["top"])
     assert np.allclose(likeness._logs(light), likeness._logs(3.0 * light))
+
+
+def test_a_prediction_that_knew_no_pattern_is_recognised() -> None:
+    isotropic = SYSTEMS["top"].with_settings({"entry.isotropic": True, "entry.slope_deg": 31.5})
+    found = likened(SYSTEMS["top"], DAYS, predicted(isotropic), FARTHEST_M, "far")
+    assert found.entry.isotropic
+    assert on_top(found, {"isotropic": True}) == {"isotropic": False}
+    assert on_top(SYSTEMS["top"], {"isotropic": True}) == {"isotropic": True}
