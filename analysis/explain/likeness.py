@@ -7,6 +7,8 @@ nearest to the prediction's own sun part.
 """
 
 import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -40,40 +42,54 @@ _DARK: Final = 0.02
 _GAIN: Final = 0.92
 """Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
 
-_NO_PATTERN: Final = 0.7
-"""The same of lenses without a pattern, against those with one: there, no turn would be seen."""
+_NO_PATTERN: Final = 0.94
+"""The same of lenses without a pattern, against those with one."""
 
 
-def likened(system: System, days: list[Daylight], seen: Floats, distance_m: float, field: Field) -> System:
-    """The system with the prisms and haze that look most like a prediction.
+@dataclass(frozen=True)
+class Predicted:
+    """What a prediction shows of one system.
 
-    Parameters
+    Attributes
     ----------
     days, seen : shape (T, P, G) [cd]
         Its tests, and the sun part predicted for each on the grid of `analysis.explain.fields`.
-    field
-        Whether the prediction is of the far field, or of the near one at ``distance_m``.
+    distance_m, field
+        Whether it is of the far field, or of the near one at that distance.
     """
-    places = [p for p in LENS_PLACES.get(system.kind, ()) if getattr(system, p).kind == "prismatic"]
-    lit = [k for k, day in enumerate(days) if day.beam_lx > 0.0 and np.any(seen[k] > 0.0)]
-    if not places or not lit:
-        return system
-    lit.sort(key=lambda k: days[k].sun_altitude_deg)
-    chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
-    look = _Look(system, places, [days[k] for k in chosen], seen[chosen], distance_m, field)
-    lens = getattr(system, places[0])
-    supposed = (
-        tuple(getattr(system, p).prisms for p in places),
-        lens.isotropic,
-        _nearest(SLOPES_DEG, lens.slope_deg),
-        _nearest(BLURS_DEG, lens.blur_deg),
-    )
-    sides = itertools.product(SIDES, repeat=len(places))
-    best = look.best([(side, False, *at) for side in sides for at in (supposed[2:], _BEGIN)])
-    blurred = look.best([(best[0], True, *best[2:])])
-    if look.unlike(blurred) < _NO_PATTERN * look.unlike(best):
+
+    days: list[Daylight]
+    seen: Floats
+    distance_m: float
+    field: Field
+
+
+def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -> dict[str, System]:
+    """The systems with the prisms and haze that look most like a prediction; those that it does not show as they are.
+
+    Whether a simulation knew its lenses' patterns is a matter of its engine, so it is decided for all systems together.
+    """
+    looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what)) is not None}
+    best = {name: look.best(look.beginnings()) for name, look in looks.items()}
+    blurred = {name: look.best([(best[name][0], True, *best[name][2:])]) for name, look in looks.items()}
+
+    def unlike(chosen: Mapping[str, Prisms]) -> float:
+        return float(np.sqrt(sum(looks[name].unlike(prisms) ** 2 for name, prisms in chosen.items())))
+
+    if looks and unlike(blurred) < _NO_PATTERN * unlike(best):
         best = blurred
-    return look.hazy(best if look.unlike(best) < _GAIN * look.unlike(supposed) else supposed)
+    return {name: looks[name].hazy(best[name]) if name in looks else system for name, system in systems.items()}
+
+
+def _look(system: System, what: Predicted) -> "_Look | None":
+    """A few of a system's tests, from the lowest sun to the highest; ``None`` without prisms, or without sun."""
+    places = [p for p in LENS_PLACES.get(system.kind, ()) if getattr(system, p).kind == "prismatic"]
+    lit = [k for k, day in enumerate(what.days) if day.beam_lx > 0.0 and np.any(what.seen[k] > 0.0)]
+    if not places or not lit:
+        return None
+    lit.sort(key=lambda k: what.days[k].sun_altitude_deg)
+    chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
+    return _Look(system, places, [what.days[k] for k in chosen], what.seen[chosen], what.distance_m, what.field)
 
 
 class _Look:
@@ -87,6 +103,19 @@ class _Look:
         self.use = Settings(rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, distance_m=distance_m, bounces=1)
         self.seen = _logs(seen)
         self.known: dict[Prisms, float] = {}
+        lens = getattr(system, places[0])
+        sides = tuple(getattr(system, p).prisms for p in places)
+        self.supposed: Prisms = (
+            sides,
+            lens.isotropic,
+            _nearest(SLOPES_DEG, lens.slope_deg),
+            _nearest(BLURS_DEG, lens.blur_deg),
+        )
+
+    def beginnings(self) -> list[Prisms]:
+        """Each way that the prisms may look, at two places."""
+        sides = itertools.product(SIDES, repeat=len(self.places))
+        return [(side, False, *at) for side in sides for at in (self.supposed[2:], _BEGIN)]
 
     def with_lens(self, prisms: Prisms) -> System:
         """The system with such prisms in all its places."""
@@ -124,8 +153,9 @@ class _Look:
         return float(np.sqrt(np.mean((_logs(light) - self.seen) ** 2)))
 
     def hazy(self, prisms: Prisms) -> System:
-        """The system with such prisms, and the haze of each of its lenses that fits best."""
-        system = self.with_lens(prisms)
+        """The system with such prisms if they are much better than the supposed, and the haze that fits best."""
+        better = self.unlike(prisms) < _GAIN * self.unlike(self.supposed)
+        system = self.with_lens(prisms if better else self.supposed)
         plain = self.light(system)
         more = [
             (self.light(system.with_settings({f"{p}.haze": _TRACED_HAZE})) - plain) / _TRACED_HAZE for p in self.places

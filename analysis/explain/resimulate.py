@@ -9,7 +9,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import fields_of
-from analysis.explain.likeness import likened
+from analysis.explain.likeness import Predicted, likened
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
@@ -96,16 +96,9 @@ def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, System]:
         return dict(systems)
     seen = fields_of(readings).sun
     field: TallyField = "near" if case.setup.simulation.field == "near" else "far"
-    days = Tracing(case, systems).days
-    return {
-        name: likened(
-            system,
-            [day for _, day in days[name]],
-            seen[[k for k, _ in days[name]]],
-            case.setup.goniometer.distance_m,
-            field,
-        )
-        if name in days
-        else system
-        for name, system in systems.items()
+    distance_m = case.setup.goniometer.distance_m
+    predicted = {
+        name: Predicted([day for _, day in days], seen[[k for k, _ in days]], distance_m, field)
+        for name, days in Tracing(case, systems).days.items()
     }
+    return likened(systems, predicted)

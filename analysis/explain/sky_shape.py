@@ -80,6 +80,28 @@ class SkyShape:
         altitude, azimuth = sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))
         return self.log_ratio(towards(self.readings), altitude, azimuth)
 
+    def luminance(self, test: int, v: Floats) -> Floats:
+        """Luminance [cd/m²] of the smooth sky of a test towards ``v`` (M, 3), at the level of its predictions; (M,)."""
+        rows = np.flatnonzero((self.readings.test == test) & (self.readings.kind == SKY))
+        seen = self._of_rows(rows)._logs(towards(self.readings)[rows])
+        level = np.mean(np.log(np.maximum(self.readings.simulated[rows], 1e-9)) - seen)
+        return np.asarray(np.exp(level + self._of_rows(np.full(len(v), rows[0]))._logs(v)))
+
+    def _of_rows(self, rows: Ints) -> "SkyShape":
+        """The skies of some rows."""
+        return SkyShape(
+            self.readings,
+            self.kind[rows],
+            self.bent[rows],
+            self.sun_altitude_deg[rows],
+            self.sun_azimuth_deg[rows],
+        )
+
+    def _logs(self, v: Floats) -> Floats:
+        """ln of the bent skies towards ``v`` (N, 3), up to a constant of the test; (N,)."""
+        sun = directions.sky_vector(self.sun_altitude_deg, self.sun_azimuth_deg)
+        return np.asarray(self._standard(v, self.sun_altitude_deg, sun) + np.sum(self.bent * _terms(v, sun), axis=1))
+
     def _standard(self, v: Floats, altitude_deg: Floats, sun: Floats) -> Floats:
         """ln of the standard sky's luminance, up to a constant of the test; (N,)."""
         from analysis.sky.standard import CIE_TYPES

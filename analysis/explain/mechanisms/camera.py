@@ -218,7 +218,7 @@ class ProjectionError(CameraMechanism):
 
     def why_not(self, scene: Scene) -> str:
         """The sky's shape between the directions follows from the sun's place."""
-        return super().why_not(scene) or _why_no_shape(scene)
+        return super().why_not(scene) or why_no_shape(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """An error that is largest half way to the rim, one that grows to the rim, or a wrong centre."""
@@ -253,7 +253,8 @@ class ProjectionError(CameraMechanism):
         )
 
 
-def _why_no_shape(scene: Scene) -> str:
+def why_no_shape(scene: Scene) -> str:
+    """Why the sky between the directions is not known; empty where it is."""
     r = scene.readings
     if np.any(np.isnan(r.sun_altitude_at_deg[scene.is_sky]) | np.isnan(r.sun_azimuth_at_deg[scene.is_sky])):
         return "neither sun angles nor site and times are given"

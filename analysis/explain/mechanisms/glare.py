@@ -4,16 +4,28 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch
-from analysis.explain.mechanisms.camera import CameraMechanism, camera_is_measured, zenith_angle
+from analysis.explain.mechanisms.camera import CameraMechanism, camera_is_measured, why_no_shape, zenith_angle
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
 
+_EVEN = Parameter("veil", "1", "share of the light that is spread evenly over the sky", 0.0, 0.6, 0.06, (0.01, 0.05))
 _SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
 _DIRECTIONS = 6
 """Fewer directions do not show a sky."""
 _CORE_DEG = 10.0
 """Within this angle light is spread evenly, for the directions that were read are as far apart."""
+
+
+def _hemisphere(count: int) -> Floats:
+    """Directions (count, 3) evenly over the sky (a Fibonacci spiral)."""
+    height = (np.arange(count) + 0.5) / count
+    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
+    side = np.sqrt(1.0 - height**2)
+    return np.stack([side * np.cos(turn), side * np.sin(turn), height], axis=1)
+
+
+_OVERHEAD = _hemisphere(1500)
 
 
 class VeilingGlare(CameraMechanism):
@@ -23,30 +35,32 @@ class VeilingGlare(CameraMechanism):
     leaves_out = "Light scattered in the camera's lens lays a veil over the whole picture."
     parameters = (Parameter("veil", "1", "veil over the mean luminance of the sky", 0.0, 0.6, 0.06, (0.01, 0.05)),)
     source = (
-        "L + v <L>, <L> = diffuse illuminance / pi where it is known; or (1-v) L + v (mean weighted by 1/angle², after "
-        "Stiles and Holladay); Talvala et al. 2007; McCann and Rizzi 2007"
+        "L + v <L>, <L> = diffuse illuminance / pi where it is known; or (1-v) L + v (mean over the sky, even or "
+        "weighted by 1/angle² after Stiles and Holladay); Talvala et al. 2007; McCann and Rizzi 2007"
     )
     tie_breaker = "a black target in the picture"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A veil all over; where many directions were read also light that is spread about."""
+        """A veil; where many directions were read, light that is spread evenly over the sky, or about."""
         few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
-        return (Branch(),) if few or np.ptp(zenith_angle(scene)) < 0.2 else (Branch(), Branch("spread about", "spread"))
+        if few or np.ptp(zenith_angle(scene)) < 0.2:
+            return (Branch(),)
+        return (Branch() if why_no_shape(scene) else Branch("spread evenly", "even"), Branch("spread about", "spread"))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Light that only goes elsewhere shows less."""
-        return (_SPREAD,) if branch.value else self.parameters
+        return {"": self.parameters, "even": (_EVEN,), "spread": (_SPREAD,)}[branch.value or ""]
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the veil, or spread the light (or take it back)."""
         sign = np.where(camera_is_measured(scene), 1.0, -1.0)
-        more = scene.remember(_spread) if branch.value else _mean_luminance(scene)
+        more = scene.remember({"": _mean_luminance, "even": _even, "spread": _spread}[branch.value or ""])
         return np.where(scene.is_sky, values + sign * p[0] * more, values)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how strong."""
         if branch.value:
-            return f"{p[0]:.1%} of the light is spread about over the picture (scattered in the lens)."
+            return f"{p[0]:.1%} of the light is {branch.label} over the picture (scattered in the lens)."
         return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
 
 
@@ -60,6 +74,16 @@ def _spread(scene: Scene) -> Floats:
         angle = np.degrees(np.arccos(np.clip(v[rows] @ v[rows].T, -1.0, 1.0)))
         weight = 1.0 / (angle**2 + _CORE_DEG**2)
         made[rows] = weight @ r.simulated[rows] / weight.sum(axis=1) - r.simulated[rows]
+    return made
+
+
+def _even(scene: Scene) -> Floats:
+    """Mean luminance of each row's whole sky, bright places between the directions included, less its own [cd/m²]."""
+    r = scene.readings
+    made = np.zeros(len(r))
+    for k in np.unique(r.test[scene.is_sky]):
+        rows = (r.test == k) & scene.is_sky
+        made[rows] = scene.sky_shape.luminance(int(k), _OVERHEAD).mean() - r.simulated[rows]
     return made
 
 

@@ -6,7 +6,7 @@ import pytest
 from analysis.cases.model import Floats
 from analysis.explain import likeness
 from analysis.explain.fields import C_DEG, GAMMA_DEG
-from analysis.explain.likeness import likened
+from analysis.explain.likeness import Predicted, likened
 from analysis.explain.tracing import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
@@ -25,9 +25,14 @@ def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Flo
     return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None]).candela
 
 
+def like(system: System, seen: Floats, days: list[Daylight] = DAYS) -> System:
+    """One system, likened."""
+    return likened({"it": system}, {"it": Predicted(days, seen, FARTHEST_M, "far")})["it"]
+
+
 @pytest.mark.parametrize("kind", ["top", "box"])
 def test_the_supposed_lens_stays_where_it_looks_like_the_prediction(kind: str) -> None:
-    assert likened(SYSTEMS[kind], DAYS, predicted(SYSTEMS[kind]), FARTHEST_M, "far") == SYSTEMS[kind]
+    assert like(SYSTEMS[kind], predicted(SYSTEMS[kind])) == SYSTEMS[kind]
 
 
 def test_the_prisms_of_a_prediction_are_found() -> None:
@@ -36,23 +41,23 @@ def test_the_prisms_of_a_prediction_are_found() -> None:
         {f"{p}.{key}": v for p in ("entry", "exit") for key, v in (("slope_deg", 36.0), ("blur_deg", 11.0))}
         | {"exit.prisms": "down"}
     )
-    found = likened(SYSTEMS["box"], DAYS, predicted(box), FARTHEST_M, "far")
+    found = like(SYSTEMS["box"], predicted(box))
     assert (found.entry.prisms, found.exit.prisms) == ("down", "down")
     assert abs(found.entry.slope_deg - 36.0) <= 6.0 and found.entry.blur_deg in (7.0, 11.0, 16.0)
 
 
 def test_haze_of_a_prediction_is_found() -> None:
     hazy = SYSTEMS["top"].with_settings({"entry.haze": 0.22})
-    found = likened(SYSTEMS["top"], DAYS, predicted(hazy), FARTHEST_M, "far")
+    found = like(SYSTEMS["top"], predicted(hazy))
     assert found.entry.haze in (0.15, 0.25)
 
 
 def test_what_has_no_prisms_and_what_has_no_sun_stays() -> None:
     dull = SYSTEMS["tube"].with_settings({"exit.kind": "diffusing"})
-    assert likened(dull, DAYS, predicted(dull), FARTHEST_M, "far") is dull
+    assert like(dull, predicted(dull)) is dull
     grey = [daylight(35.0, 100.0, 12_000.0, 12_000.0, "overcast")]
     nothing = np.zeros((1, len(C_DEG), len(GAMMA_DEG)))
-    assert likened(SYSTEMS["top"], grey, nothing, FARTHEST_M, "far") is SYSTEMS["top"]
+    assert like(SYSTEMS["top"], nothing, grey) is SYSTEMS["top"]
 
 
 def test_a_wall_changes_what_it_changes_in_the_prediction_only_below_the_right_lens() -> None:
@@ -67,7 +72,7 @@ def test_a_wall_changes_what_it_changes_in_the_prediction_only_below_the_right_l
 
     box = SYSTEMS["box"].with_settings(made)
     true = change(box)
-    found = likened(SYSTEMS["box"], DAYS, predicted(box), FARTHEST_M, "far")
+    found = like(SYSTEMS["box"], predicted(box))
 
     def missed(system: System) -> float:
         return float(np.sqrt(np.mean((change(system) - true) ** 2) / np.mean(true**2)))
@@ -92,7 +97,7 @@ def test_directions_are_compared_whatever_their_scale() -> None:
 
 def test_a_prediction_that_knew_no_pattern_is_recognised() -> None:
     isotropic = SYSTEMS["top"].with_settings({"entry.isotropic": True, "entry.slope_deg": 31.5})
-    found = likened(SYSTEMS["top"], DAYS, predicted(isotropic), FARTHEST_M, "far")
+    found = like(SYSTEMS["top"], predicted(isotropic))
     assert found.entry.isotropic
     assert on_top(found, {"isotropic": True}) == {"isotropic": False}
     assert on_top(SYSTEMS["top"], {"isotropic": True}) == {"isotropic": True}
