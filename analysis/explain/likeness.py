@@ -36,12 +36,13 @@ SUNS: Final = 3
 RAYS: Final = 16_000
 """Rays for each sun."""
 SAMPLES: Final = 2_048
+"""Entries of the lens tables: a quarter of what is traced later."""
 _TRACED_HAZE: Final = 0.3
+"""A haze that is traced; its change is taken as linear in it."""
 _DARK: Final = 0.02
 """Share of the brightest direction that is added before directions are compared by their logarithms."""
 _GAIN: Final = 0.92
 """Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
-
 _NO_PATTERN: Final = 0.94
 """The same of lenses without a pattern, against those with one."""
 
@@ -155,7 +156,7 @@ class _Look:
     def hazy(self, prisms: Prisms) -> System:
         """The system with such prisms if they are much better than the supposed, and the haze that fits best."""
         better = self.unlike(prisms) < _GAIN * self.unlike(self.supposed)
-        system = self.with_lens(prisms if better else self.supposed)
+        system = self.with_lens(prisms) if better else self.system
         plain = self.light(system)
         more = [
             (self.light(system.with_settings({f"{p}.haze": _TRACED_HAZE})) - plain) / _TRACED_HAZE for p in self.places
@@ -173,7 +174,7 @@ class _Look:
 def _logs(light: Floats) -> Floats:
     """Logarithms of a light (T, P, G) over its brightest, those of dark directions drawn together; mean zero."""
     brightest = np.maximum(light.max(axis=(1, 2), keepdims=True), 1e-12)
-    logs = np.log(light / brightest + _DARK)
+    logs = np.log(np.maximum(light, 0.0) / brightest + _DARK)
     return np.asarray(logs - logs.mean(axis=(1, 2), keepdims=True))
 
 
