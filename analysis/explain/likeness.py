@@ -9,7 +9,7 @@ nearest to the prediction's own sun part.
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,13 +20,25 @@ from analysis.simulate.system import LENS_PLACES, System
 from analysis.simulate.tally import Field
 from analysis.simulate.tracer import Settings, trace
 
-Prisms = tuple[tuple[str, ...], bool, int, int]
-"""Which side each lens carries them on, whether a simulation knew their directions, and the places of slope and tilt
-among those that are tried."""
+
+class Prisms(NamedTuple):
+    """Lenses that are tried: which side of each carries its prisms, and places on the lattice of the rest.
+
+    A simulation that knows no directions in a lens's plane is ``isotropic``.
+    """
+
+    sides: tuple[str, ...]
+    slope: int
+    blur: int
+    turn: int = 0
+    isotropic: bool = False
+
 
 SIDES: Final = ("down", "up")
 SLOPES_DEG: Final = (18.0, 22.5, 27.0, 31.5, 36.0, 42.0)
 BLURS_DEG: Final = (2.0, 4.0, 7.0, 11.0, 16.0)
+TURNS_DEG: Final = tuple(7.5 * k for k in range(12))
+"""Of the pattern, against how it is supposed to lie; a pattern of pyramids is itself after a quarter turn."""
 HAZES: Final = (0.0, 0.07, 0.15, 0.25, 0.4)
 """What is tried; the lens that is supposed without a prediction is among them."""
 _BEGIN: Final = 4, 3
@@ -71,8 +83,8 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
     Whether a simulation knew its lenses' patterns is a matter of its engine, so it is decided for all systems together.
     """
     looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what)) is not None}
-    best = {name: look.best(look.beginnings()) for name, look in looks.items()}
-    blurred = {name: look.best([(best[name][0], True, *best[name][2:])]) for name, look in looks.items()}
+    best = {name: look.turned(look.best(look.beginnings())) for name, look in looks.items()}
+    blurred = {name: look.best([best[name]._replace(isotropic=True, turn=0)]) for name, look in looks.items()}
 
     def unlike(chosen: Mapping[str, Prisms]) -> float:
         return float(np.sqrt(sum(looks[name].unlike(prisms) ** 2 for name, prisms in chosen.items())))
@@ -105,26 +117,26 @@ class _Look:
         self.seen = _logs(seen)
         self.known: dict[Prisms, float] = {}
         lens = getattr(system, places[0])
-        sides = tuple(getattr(system, p).prisms for p in places)
-        self.supposed: Prisms = (
-            sides,
-            lens.isotropic,
+        self.supposed = Prisms(
+            tuple(getattr(system, p).prisms for p in places),
             _nearest(SLOPES_DEG, lens.slope_deg),
             _nearest(BLURS_DEG, lens.blur_deg),
+            isotropic=lens.isotropic,
         )
 
     def beginnings(self) -> list[Prisms]:
         """Each way that the prisms may look, at two places."""
         sides = itertools.product(SIDES, repeat=len(self.places))
-        return [(side, False, *at) for side in sides for at in (self.supposed[2:], _BEGIN)]
+        return [Prisms(side, *at) for side in sides for at in ((self.supposed.slope, self.supposed.blur), _BEGIN)]
 
     def with_lens(self, prisms: Prisms) -> System:
         """The system with such prisms in all its places."""
-        sides, isotropic, slope, blur = prisms
         values: dict[str, float | str | bool] = {}
-        for place, side in zip(self.places, sides, strict=True):
-            values |= {f"{place}.prisms": side, f"{place}.isotropic": isotropic}
-            values |= {f"{place}.slope_deg": SLOPES_DEG[slope], f"{place}.blur_deg": BLURS_DEG[blur]}
+        for place, side in zip(self.places, prisms.sides, strict=True):
+            values |= {f"{place}.prisms": side, f"{place}.isotropic": prisms.isotropic}
+            values |= {f"{place}.slope_deg": SLOPES_DEG[prisms.slope], f"{place}.blur_deg": BLURS_DEG[prisms.blur]}
+            own = getattr(self.system, place).orientation_deg
+            values[f"{place}.orientation_deg"] = own + TURNS_DEG[prisms.turn]
         return self.system.with_settings(values)
 
     def light(self, system: System) -> Floats:
@@ -148,6 +160,11 @@ class _Look:
         while self.unlike(better := min(_beside(best), key=self.unlike)) < self.unlike(best):
             best = better
         return best
+
+    def turned(self, prisms: Prisms) -> Prisms:
+        """The least unlike of those turned by every other step, made better; as it is, if turns do not help."""
+        best = min((prisms._replace(turn=k) for k in range(0, len(TURNS_DEG), 2)), key=self.unlike)
+        return self.best([best]) if self.unlike(best) < _GAIN * self.unlike(prisms) else prisms
 
     def beside(self, light: Floats) -> float:
         """Rms difference of the logarithms."""
@@ -183,7 +200,8 @@ def _nearest(values: tuple[float, ...], wanted: float) -> int:
 
 
 def _beside(prisms: Prisms) -> list[Prisms]:
-    """Neighbours on the lattice of slopes and tilts."""
-    slope, blur = prisms[2:]
-    near = [(slope + i, blur + j) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-    return [(prisms[0], prisms[1], i, j) for i, j in near if 0 <= i < len(SLOPES_DEG) and 0 <= j < len(BLURS_DEG)]
+    """Neighbours on the lattice of slopes and tilts, and of turns where it is turned."""
+    slope, blur, turn = prisms.slope, prisms.blur, prisms.turn
+    near = [prisms._replace(slope=k) for k in (slope - 1, slope + 1) if 0 <= k < len(SLOPES_DEG)]
+    near += [prisms._replace(blur=k) for k in (blur - 1, blur + 1) if 0 <= k < len(BLURS_DEG)]
+    return near + [prisms._replace(turn=k % len(TURNS_DEG)) for k in (turn - 1, turn + 1) if turn]

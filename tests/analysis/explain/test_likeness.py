@@ -101,3 +101,9 @@ def test_a_prediction_that_knew_no_pattern_is_recognised() -> None:
     assert found.entry.isotropic
     assert on_top(found, {"isotropic": True}) == {"isotropic": False}
     assert on_top(SYSTEMS["top"], {"isotropic": True}) == {"isotropic": True}
+
+
+def test_a_pattern_that_lies_turned_in_the_prediction_is_turned() -> None:
+    """The supposed pattern lies along the walls; nothing in a case says that the simulated one did."""
+    turned = SYSTEMS["tube"].with_settings({"exit.orientation_deg": 30.0})
+    assert like(SYSTEMS["tube"], predicted(turned)).exit.orientation_deg == pytest.approx(30.0, abs=7.6)
