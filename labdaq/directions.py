@@ -20,6 +20,13 @@ def vector(gamma_deg: ArrayLike, c_deg: ArrayLike) -> Floats:
     return np.stack([-sine * np.sin(c), sine * np.cos(c), -np.cos(gamma)], axis=-1)
 
 
+def evenly(count: int) -> Floats:
+    """Unit vectors (count, 3) evenly over the sphere, from the zenith down: a Fibonacci spiral, its first half the sky."""
+    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+
+
 def gamma_c(vectors: ArrayLike) -> tuple[Floats, Floats]:
     """Gamma in [0, 180] and C in [0, 360) [deg] of vectors (..., 3) of any length; C is 0 on the axis."""
     v = np.asarray(vectors, dtype=np.float64)

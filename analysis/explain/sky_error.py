@@ -33,9 +33,7 @@ def sky_error_effects(scene: Scene) -> Floats:
 def _bumps(v: Floats, width_deg: float) -> Floats:
     """Smooth bumps over the upper half of the sphere whose independent sum has unit variance; (N, K)."""
     count = int(np.ceil(4.0 * np.pi / np.radians(0.8 * width_deg) ** 2))
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))  # Fibonacci sphere
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    nodes = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    nodes = directions.evenly(count)
     bumps = np.exp(-2.0 * np.maximum(1.0 - v @ nodes.T, 0.0) / np.radians(width_deg) ** 2)
     bumps = bumps[:, bumps.max(axis=0) > 0.1]
     return np.asarray(bumps / np.sqrt(np.maximum(np.sum(bumps**2, axis=1, keepdims=True), 0.05)))

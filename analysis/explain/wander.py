@@ -205,9 +205,7 @@ def sphere(scene: Scene, degrees: float) -> Floats:
 
 def _bumps(v: Floats, degrees: float) -> Floats:
     count = int(np.ceil(4.0 * np.pi / (0.8 * np.radians(degrees)) ** 2))
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))  # Fibonacci sphere
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    nodes = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    nodes = directions.evenly(count)
     # exp(-angle²/w²): the product of two of them correlates as exp(-angle²/(2 w²))
     bumps = np.exp(-2.0 * np.maximum(1.0 - v @ nodes.T, 0.0) / np.radians(degrees) ** 2)
     bumps = bumps[:, bumps.max(axis=0) > 0.2]

@@ -8,6 +8,7 @@ from analysis.explain.mechanisms.camera import CameraMechanism, camera_is_measur
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
+from labdaq import directions
 
 _EVEN = Parameter("veil", "1", "share of the light that is spread evenly over the sky", 0.0, 0.6, 0.06, (0.01, 0.05))
 _SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
@@ -15,17 +16,8 @@ _DIRECTIONS = 6
 """Fewer directions do not show a sky."""
 _CORE_DEG = 10.0
 """Within this angle light is spread evenly, for the directions that were read are as far apart."""
-
-
-def _hemisphere(count: int) -> Floats:
-    """Directions (count, 3) evenly over the sky (a Fibonacci spiral)."""
-    height = (np.arange(count) + 0.5) / count
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
-    side = np.sqrt(1.0 - height**2)
-    return np.stack([side * np.cos(turn), side * np.sin(turn), height], axis=1)
-
-
-_OVERHEAD = _hemisphere(1500)
+_OVERHEAD = directions.evenly(3000)[:1500]
+"""Directions over the whole sky."""
 
 
 class VeilingGlare(CameraMechanism):
