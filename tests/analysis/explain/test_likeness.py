@@ -11,10 +11,15 @@ from analysis.explain.tracing import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
 from analysis.simulate.tracer import Settings, trace
+from labdaq import directions
+from simulators.hidden import skylight as hidden
+from simulators.hidden.lens import Lens
+from simulators.hidden.maps import Field, smooth
+from simulators.hidden.tracer import trace as trace_hidden
 
 pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
 DAYS = [daylight(35.0, 100.0, 50_000.0, 12_000.0, "perez"), daylight(62.0, 170.0, 90_000.0, 15_000.0, "perez")]
-FARTHEST_M = 2.6
+DISTANCE_M = 2.6
 
 
 def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Floats:
@@ -27,7 +32,7 @@ def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Flo
 
 def like(system: System, seen: Floats, days: list[Daylight] = DAYS) -> System:
     """One system, likened."""
-    return likened({"it": system}, {"it": Predicted(days, seen, FARTHEST_M, "far")})["it"]
+    return likened({"it": system}, {"it": Predicted(days, seen, DISTANCE_M, "far")})["it"]
 
 
 @pytest.mark.parametrize("kind", ["top", "box"])
@@ -107,3 +112,27 @@ def test_a_pattern_that_lies_turned_in_the_prediction_is_turned() -> None:
     """The supposed pattern lies along the walls; nothing in a case says that the simulated one did."""
     turned = SYSTEMS["tube"].with_settings({"exit.orientation_deg": 30.0})
     assert like(SYSTEMS["tube"], predicted(turned)).exit.orientation_deg == pytest.approx(30.0, abs=7.6)
+
+
+def predicted_by_another(skylight: hidden.Skylight) -> Floats:
+    """The sun part of each test by the trial's tracer, which shares no code with ours."""
+    grid = directions.vector(GAMMA_DEG[None, :], C_DEG[:, None])
+    made = []
+    for day in DAYS:
+        sun = directions.sky_vector(day.sun_altitude_deg, day.sun_azimuth_deg)
+        made.append(day.normal_lx * Field(smooth(trace_hidden(skylight, sun, 150_000, 3).flux[0])).intensity(grid))
+    return np.stack(made)
+
+
+def test_the_prisms_of_another_engine_are_found() -> None:
+    """Facets of 33 degrees, prisms down above and up below, beside the supposed 27 degrees."""
+    steep = Lens(slopes_deg=(33.0,) * 4)
+    found = like(SYSTEMS["box"], predicted_by_another(hidden.box(entry=steep, exit=steep)))
+    assert (found.entry.prisms, found.exit.prisms) == ("down", "up")
+    assert found.entry.slope_deg == 31.5 and not found.entry.isotropic
+
+
+def test_a_pattern_turned_in_another_engine_is_turned() -> None:
+    found = like(SYSTEMS["tube"], predicted_by_another(hidden.tube().turned(30.0)))
+    assert found.exit.prisms == "up"
+    assert found.exit.orientation_deg == pytest.approx(30.0, abs=7.6)
