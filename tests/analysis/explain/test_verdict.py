@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from analysis.explain.conclude import conclude
 from analysis.explain.families import SHUTTER
-from analysis.explain.fit import MIDDLE, Fit
+from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
-from analysis.explain.search import Hypothesis
-from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE
+from analysis.explain.search import Hypothesis, Search
+from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_CAMERA
 from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
@@ -106,6 +107,20 @@ def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:
     weak, strong = (_decided(arm, ("c-offset", g), ("gamma-offset", g - 20.0)) for g in (50.0, 5000.0))
     assert weak.probability["c-offset"] > SURE > strong.probability["c-offset"]
     assert temper(400.0) == pytest.approx(2.0 * temper(100.0))
+
+
+def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -> None:
+    law, rival = _hypothesis(picture, 84.0, "spectral-mismatch"), _hypothesis(picture, 76.0, "nonlinearity")
+    sure = []
+    for nat in (TEMPER, TEMPER_CAMERA):
+        found = Conclusion(law, _hypothesis(picture, 0.0), [law, rival], one_instrument=True, nat=nat)
+        decide(found, 1.0)
+        sure.append(found.probability["spectral-mismatch"])
+    assert sure[0] < SURE < sure[1]
+
+
+def test_conclude_weighs_a_picture_as_a_camera(picture: Scene) -> None:
+    assert conclude(Search(Fitter(picture))).nat == TEMPER_CAMERA
 
 
 def test_a_double_is_no_rival(arm: Scene) -> None:
