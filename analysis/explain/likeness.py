@@ -146,7 +146,7 @@ class _Look:
         return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None], self.field).candela
 
     def unlike(self, prisms: Prisms) -> float:
-        """How unlike the prediction, with the haze of the last lens that fits best (a cosine lobe)."""
+        """How unlike the prediction, with the haze of the last lens that fits best (a cosine lobe; ASTM D1003)."""
         if prisms not in self.known:
             light = self.light(self.with_lens(prisms))
             flux = np.sum(light * solid_angle(), axis=(1, 2), keepdims=True)
@@ -155,7 +155,7 @@ class _Look:
         return self.known[prisms]
 
     def best(self, begun: list[Prisms]) -> Prisms:
-        """The least unlike that is reached from the best beginning, in steps of slope and tilt."""
+        """The least unlike that is reached from the best beginning, in steps of slope, tilt and turn."""
         best = min(begun, key=self.unlike)
         while self.unlike(better := min(_beside(best), key=self.unlike)) < self.unlike(best):
             best = better

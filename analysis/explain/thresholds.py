@@ -73,11 +73,11 @@ ALIKE = 6.0
 """Doubles whose evidence differs by more than this [nats] are not doubles in this case."""
 TEMPER = 2.5
 """This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
-quite right."""
+quite right. Fitted to which names were right."""
 TEMPER_CAMERA = 1.0
 """The same for cameras and luminance meters: their forms are formulas, and no lens was simulated."""
 LEFT_OVER = 0.5
-"""What is left beside a name speaks against it by this share. Both were fitted to which names were right."""
+"""What is left beside a name speaks against it by this share. Fitted to which names were right."""
 TEMPER_RANDOM = 5.0
 """What `TEMPER` comes to, at most, for a law beside a random function: that holds every law, so a law that does as well
 is likely."""
