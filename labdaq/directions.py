@@ -21,7 +21,7 @@ def vector(gamma_deg: ArrayLike, c_deg: ArrayLike) -> Floats:
 
 
 def evenly(count: int) -> Floats:
-    """Unit vectors (count, 3) evenly over the sphere, from the zenith down: a Fibonacci spiral, its first half the sky."""
+    """Unit vectors (count, 3) evenly over the sphere, zenith first: a Fibonacci spiral, its first half the sky."""
     turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
