@@ -24,7 +24,7 @@ from analysis.explain.thresholds import (
     SHOWN,
     SURE_BESIDE,
     TEMPER,
-    TEMPER_CAMERA,
+    TEMPER_ONE,
 )
 from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, name_the_sure, share_of
 
@@ -36,7 +36,7 @@ def conclude(search: Search) -> Conclusion:
     found.singles = search.singles() + _wandering_beside(search, found, nothing, ())
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
-    found.nat = TEMPER_CAMERA if search.scene.kinds == ("sky",) else TEMPER
+    found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     few = _few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
     if not found.one_instrument:

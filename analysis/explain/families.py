@@ -13,8 +13,8 @@ from analysis.explain.fit import Fit
 from analysis.explain.form_error import locally_wrong
 from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.scene import Scene
+from analysis.explain.series import unrest
 from analysis.explain.whitening import Whitener
 
 CLOUD = w.Wander(

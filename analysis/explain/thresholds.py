@@ -74,8 +74,8 @@ ALIKE = 6.0
 TEMPER = 2.5
 """This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
 quite right. Fitted to which names were right."""
-TEMPER_CAMERA = 1.0
-"""The same for cameras and luminance meters: their forms are formulas, and no lens was simulated."""
+TEMPER_ONE = 1.0
+"""The same for one instrument, a camera or a meter: its forms are formulas, and no lens was simulated."""
 LEFT_OVER = 0.5
 """What is left beside a name speaks against it by this share. Fitted to which names were right."""
 TEMPER_RANDOM = 5.0

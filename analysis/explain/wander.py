@@ -13,8 +13,8 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.fit import Extra
 from analysis.explain.mechanisms.base import Mechanism
-from analysis.explain.mechanisms.timing import unrest
 from analysis.explain.scene import Scene
+from analysis.explain.series import unrest
 from labdaq import directions
 
 Columns = Callable[[Scene, float], Floats]

@@ -26,7 +26,9 @@ DESIGNS: Final[dict[str, Skylight]] = {
     "deep-top": top(depth_m=0.9, wall_reflectance=0.8, entry=_sheet(22.0), rise_m=0.1),
     "shallow-box": box(depth_m=0.4, wall_reflectance=0.92, entry=_sheet(32.0), exit=_sheet(32.0)),
     "wide-tube": tube(depth_m=1.2, width_m=0.56, length_m=0.56, rise_m=0.16, exit=_sheet(23.0), boot_m=0.1),
-    "ridged-top": top(depth_m=0.5, wall_reflectance=0.88, entry=Lens(slopes_deg=(33.0, 33.0, 13.0, 13.0), blur_deg=3.0)),
+    "ridged-top": top(
+        depth_m=0.5, wall_reflectance=0.88, entry=Lens(slopes_deg=(33.0, 33.0, 13.0, 13.0), blur_deg=3.0)
+    ),
     "crossed-box": box(
         entry=Lens(slopes_deg=(36.0,) * 4, blur_deg=2.5), exit=Lens(slopes_deg=(20.0,) * 4, orientation_deg=24.0)
     ),

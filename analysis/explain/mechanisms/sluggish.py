@@ -7,9 +7,9 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
-from analysis.explain.mechanisms.timing import series_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
+from analysis.explain.series import quiet, series_of
 
 
 class Sluggish(Mechanism):
@@ -32,11 +32,10 @@ class Sluggish(Mechanism):
         """Low-pass each series; it starts settled."""
         if p[0] < 1e-6:
             return values
-        r, made = scene.readings, values.copy()
-        for k, c in series_of(scene):
-            rows = np.flatnonzero((r.test == k) & (r.channel == c))
-            rows = rows[np.argsort(r.utc_ns[rows])]
-            made[rows] = low_passed(r.utc_ns[rows] / 6e10, values[rows], float(p[0]))
+        made = values.copy()
+        for s in series_of(scene):
+            steady = quiet(s.t, values[s.rows], scene.readings.noise[s.rows])
+            made[s.rows] += low_passed(s.t, steady, float(p[0])) - steady
         return made
 
 

@@ -8,6 +8,7 @@ from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, 
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
+from analysis.explain.series import quiet, series_of, step_min
 from labdaq import directions
 
 _CLEAR_LOSS = 0.25
@@ -86,7 +87,7 @@ class ClockOffset(Mechanism):
         """A whole series can only be shifted by a few of its own steps."""
         if branch.value != "series":
             return self.parameters if np.any(scene.is_gonio) else (self.narrow,)
-        step = _step_min(scene)
+        step = step_min(scene)
         what = "true time minus recorded time"
         starts = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
         return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
@@ -159,20 +160,6 @@ def _air_mass(altitude_deg: Floats) -> Floats:
     return np.asarray(1.0 / (np.sin(np.radians(altitude_deg)) + 0.15 * (altitude_deg + 3.885) ** -1.253))
 
 
-def _step_min(scene: Scene) -> float:
-    """Usual time between readings of a channel [min]."""
-    r = scene.readings
-    steps = [np.diff(np.sort(r.utc_ns[(r.test == k) & (r.channel == c)])) for k, c in series_of(scene)]
-    return float(np.median(np.concatenate(steps))) / 60e9
-
-
-def series_of(scene: Scene) -> list[tuple[int, int]]:
-    """Tests and channels whose readings make a series."""
-    r = scene.readings
-    pairs, counts = np.unique(np.stack([r.test, r.channel], axis=1), axis=0, return_counts=True)
-    return [(int(k), int(c)) for (k, c), n in zip(pairs, counts, strict=True) if n > 2]
-
-
 def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     """Sun and sky part ``minutes`` later over those now; shapes (N,).
 
@@ -182,54 +169,21 @@ def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     r = scene.readings
     sun, sky = (part.copy() for part in _clear_later(scene, minutes))
     passed = (r.sun / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.sky)
-    for k, c in series_of(scene):
-        rows = np.flatnonzero((r.test == k) & (r.channel == c))
-        rows = rows[np.argsort(r.utc_ns[rows])]
-        t = r.utc_ns[rows] / 6e10
+    for s in series_of(scene):
+        rows, t = s.rows, s.t
         then = sun_at(r.case, r.utc_ns[rows] + np.int64(round(minutes * 60e9)))[0]
         beam = _clear_beam(then) / np.maximum(_clear_beam(r.sun_altitude_at_deg[rows]), 1e-9)
         inside = (t + minutes >= t[0]) & (t + minutes <= t[-1])
-        for factor, part, way in ((sun, passed[0][rows], beam), (sky, passed[1][rows], 1.0)):
-            floor = 1e-9 * max(float(part.max()), 1e-9)
-            moved = way * _moved(t, part, minutes) / np.maximum(part, floor)
+        noises = (r.noise / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.noise)
+        for factor, part, noise, way in zip((sun, sky), passed, noises, (beam, np.ones_like(beam)), strict=True):
+            part, floor = part[rows], 1e-9 * max(float(part[rows].max()), 1e-9)
+            steady = quiet(t, part, noise[rows])
+            moved = way * (part - steady + np.interp(t + minutes, t, steady)) / np.maximum(part, floor)
             factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
     return sun, sky
-
-
-def _moved(t: Floats, part: Floats, minutes: float) -> Floats:
-    """A series ``minutes`` later; for less than a step by its slope across the neighbours.
-
-    Straight lines between points would take off each point's own noise for the smallest move: a noisy prediction would
-    then always gain from an offset.
-    """
-    step = float(np.median(np.diff(t)))
-    far = min(abs(minutes) / max(step, 1e-9), 1.0)
-    return np.asarray((1.0 - far) * (part + minutes * np.gradient(part, t)) + far * np.interp(t + minutes, t, part))
 
 
 def _clear_beam(altitude_deg: Floats) -> Floats:
     """Horizontal beam under clear air, up to a constant; (N,)."""
     height = np.maximum(altitude_deg, 0.5)
     return np.asarray(np.sin(np.radians(height)) * np.exp(-_CLEAR_LOSS * _air_mass(height)))
-
-
-def unrest(scene: Scene) -> Floats:
-    """How fast the predicted daylight wanders under broken cloud: ln per root of a minute at each row; (N,).
-
-    From the second differences of a series, which the sun's even way leaves near zero: for a random walk their mean
-    square is twice that of the steps, and grows with the time between readings. Zero where there is no series.
-    """
-    r = scene.readings
-    found = np.zeros(len(r))
-    for k, c in series_of(scene):
-        rows = np.flatnonzero((r.test == k) & (r.channel == c))
-        rows = rows[np.argsort(r.utc_ns[rows])]
-        if len(rows) < 4:
-            continue
-        level = np.log(np.maximum(r.simulated[rows], r.floor[rows]))
-        step = np.maximum(np.diff(r.utc_ns[rows]) / 6e10, 1e-3)
-        rate = np.diff(level, n=2) ** 2 / (step[:-1] + step[1:])
-        middle = np.arange(1, len(rows) - 1)
-        near = np.exp(-0.5 * (np.arange(len(rows))[:, None] - middle[None, :]) ** 2)
-        found[rows] = np.sqrt(near @ rate / near.sum(axis=1))
-    return found

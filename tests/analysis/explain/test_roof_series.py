@@ -11,12 +11,14 @@ from analysis.cases import Case, write_case
 from analysis.cases.model import CaseFile, Records
 from analysis.explain.answer import answer
 from analysis.explain.families import evenly_restless
+from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.sluggish import low_passed
-from analysis.explain.mechanisms.timing import _moved, unrest
+from analysis.explain.mechanisms.timing import ClockOffset
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
+from analysis.explain.series import quiet, unrest
 from analysis.explain.sky_flux import RINGS_DEG, SkyFlux, _flux
 from tests.analysis.explain.campaign import SITE, Floats
 from tests.analysis.explain.roof import beam_and_sky
@@ -124,15 +126,31 @@ def test_no_unrest_under_a_clear_sky(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(unrest(scene) ** 2)) < 1.5 * 0.003 * np.sqrt(6.0 / 20.0) + 0.002
 
 
-def test_a_small_move_does_not_take_a_points_own_noise_off() -> None:
-    t = np.arange(12.0) * 10.0
-    spike = np.zeros(12)
-    spike[6] = 1.0
-    assert _moved(t, spike, 0.5)[6] == pytest.approx(1.0, abs=0.06)
-    ramp = 3.0 + 0.2 * t
-    for minutes in (0.5, 4.0, -17.0):
-        inside = (t + minutes >= 0.0) & (t + minutes <= t[-1])
-        assert _moved(t, ramp, minutes)[inside] == pytest.approx((ramp + 0.2 * minutes)[inside])
+def test_noise_is_told_from_cloud() -> None:
+    """Independent noise goes to a sixth of its variance and less; a random walk of twenty times its size stays."""
+    rng = np.random.default_rng(3)
+    t = np.arange(400.0)
+    noise = rng.normal(0.0, 1.0, 400)
+    both = np.full(400, np.sqrt(2.0))  # what readings state: the prediction's noise and their own
+    way = 1000.0 - 0.02 * (t - 200.0) ** 2
+    assert np.var(quiet(t, way + noise, both) - way) < 0.25
+    cloud = np.cumsum(rng.normal(0.0, 20.0, 400))
+    assert np.std(quiet(t, cloud + noise, both) - cloud - noise) < 1.5
+
+
+@pytest.mark.parametrize("minutes", [0.5, 1.5, -2.4])
+def test_a_clock_takes_no_noise_off_a_prediction(tmp_path: Path, minutes: float) -> None:
+    """Straight lines between points average neighbours: any other series would then agree better with the mean."""
+    case = series(tmp_path / "case", per_root_min=0.0)
+    scene = Scene(Readings.of(case))
+    (way,) = [t for t in terms_of(ClockOffset(), scene) if t.branch.value == "series"]
+    true, later = (
+        np.array([0.5, 1.0]) @ np.stack(beam_and_sky(_altitude(moments(s)))) for s in (0.0, minutes * STEP_S)
+    )
+    moved = predict(scene, (way,), np.array([minutes * STEP_S / 60.0]))
+    inner = np.tile((np.arange(COUNT) >= 5) & (np.arange(COUNT) < COUNT - 5), len(DAYS))
+    before, after = np.std((scene.readings.simulated / true)[inner]), np.std((moved / later)[inner])
+    assert 0.85 * before < after < 1.3 * before
 
 
 def test_a_low_pass_lags_a_ramp_and_settles_after_a_step() -> None:

@@ -11,7 +11,7 @@ from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
-from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_CAMERA
+from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_ONE
 from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
@@ -112,15 +112,15 @@ def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:
 def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -> None:
     law, rival = _hypothesis(picture, 84.0, "spectral-mismatch"), _hypothesis(picture, 76.0, "nonlinearity")
     sure = []
-    for nat in (TEMPER, TEMPER_CAMERA):
+    for nat in (TEMPER, TEMPER_ONE):
         found = Conclusion(law, _hypothesis(picture, 0.0), [law, rival], one_instrument=True, nat=nat)
         decide(found, 1.0)
         sure.append(found.probability["spectral-mismatch"])
     assert sure[0] < SURE < sure[1]
 
 
-def test_conclude_weighs_a_picture_as_a_camera(picture: Scene) -> None:
-    assert conclude(Search(Fitter(picture))).nat == TEMPER_CAMERA
+def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
+    assert conclude(Search(Fitter(picture))).nat == TEMPER_ONE
 
 
 def test_a_double_is_no_rival(arm: Scene) -> None:

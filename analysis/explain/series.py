@@ -1,0 +1,92 @@
+"""Readings of one channel through one test, in the order of time: where its series can be moved or smoothed.
+
+A predicted series that is itself a recording (a second meter's) has noise of its own. Whatever averages neighbours
+takes some of it off, and agrees better with any other recording for that alone: an offset of the clock by a step and a
+half, say, gains a quarter of a nat per reading and means nothing. So what acts on a series acts on what is not its
+noise, and its noise stays where it is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.cases.model import Floats
+from analysis.explain.scene import Scene
+
+_WIDTH = 2.5
+"""Width [steps] of the weights of a local parabola: it keeps a sixth of the variance of independent noise."""
+_SURE = 2.0
+"""Second differences are a cloud's so far as their mean square is above so many times that of noise."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Rows of a scene, in the order of time: test, channel, and times ``t`` [min]; shapes (M,)."""
+
+    test: int
+    channel: int
+    rows: NDArray[np.int64]
+    t: Floats
+
+
+def series_of(scene: Scene) -> list[Series]:
+    """All series of more than two readings."""
+    r = scene.readings
+    pairs, counts = np.unique(np.stack([r.test, r.channel], axis=1), axis=0, return_counts=True)
+    found = []
+    for k, c in pairs[counts > 2]:
+        rows = np.flatnonzero((r.test == k) & (r.channel == c))
+        rows = rows[np.argsort(r.utc_ns[rows])]
+        found.append(Series(int(k), int(c), rows, r.utc_ns[rows] / 6e10))
+    return found
+
+
+def step_min(scene: Scene) -> float:
+    """Usual time between readings of a channel [min]."""
+    return float(np.median(np.concatenate([np.diff(s.t) for s in series_of(scene)])))
+
+
+def quiet(t: Floats, x: Floats, noise: Floats) -> Floats:
+    """A series (M,) without its noise: smooth where second differences are no larger than noise makes them.
+
+    Half of the variance of ``noise`` is taken for the prediction's own: what readings state is that of both.
+    """
+    if len(t) < 5:
+        return x
+    wild = np.diff(x, n=2) ** 2
+    expected = 3.0 * noise[1:-1] ** 2  # half of (1, -2, 1)
+    near = np.exp(-0.5 * ((np.arange(len(t))[:, None] - np.arange(1, len(t) - 1)[None, :]) / _WIDTH) ** 2)
+    cloud = np.clip(1.0 - _SURE * (near @ expected) / np.maximum(near @ wild, 1e-30), 0.0, 1.0)
+    return np.asarray(cloud * x + (1.0 - cloud) * (_parabolas(t) @ x))
+
+
+def _parabolas(t: Floats) -> Floats:
+    """What reads local parabolas at their own places, as a matrix (M, M) (Cleveland 1979, doi:10.2307/2286407)."""
+    step = max(float(np.median(np.diff(t))), 1e-9)
+    x = (t[None, :] - t[:, None]) / step
+    near = np.exp(-0.5 * (x / _WIDTH) ** 2)
+    powers = np.stack([np.ones_like(x), x, x**2])
+    normal = np.einsum("im,aim,bim->iab", near, powers, powers) + 1e-9 * np.eye(3)
+    first = np.linalg.solve(normal, np.broadcast_to(np.eye(3)[:, :1], (len(t), 3, 1)))[..., 0]
+    return np.asarray(near * np.einsum("ia,aim->im", first, powers))
+
+
+def unrest(scene: Scene) -> Floats:
+    """How fast the predicted daylight wanders under broken cloud: ln per root of a minute at each row; (N,).
+
+    From the second differences of a series, which the sun's even way leaves near zero: for a random walk their mean
+    square is twice that of the steps, and grows with the time between readings. Zero where there is no series.
+    """
+    r = scene.readings
+    found = np.zeros(len(r))
+    for s in series_of(scene):
+        if len(s.rows) < 4:
+            continue
+        level = np.log(np.maximum(r.simulated[s.rows], r.floor[s.rows]))
+        step = np.maximum(np.diff(s.t), 1e-3)
+        rate = np.diff(level, n=2) ** 2 / (step[:-1] + step[1:])
+        middle = np.arange(1, len(s.rows) - 1)
+        near = np.exp(-0.5 * (np.arange(len(s.rows))[:, None] - middle[None, :]) ** 2)
+        found[s.rows] = np.sqrt(near @ rate / near.sum(axis=1))
+    return found
