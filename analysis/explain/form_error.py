@@ -25,7 +25,7 @@ def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Ex
     parts = []
     by_test = (r.test[:, None] == np.unique(r.test)[None, :]).astype(np.float64)
     for k, term in enumerate(terms):
-        smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error_in(scene)
+        smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error_in(scene, term.branch)
         change = _change(scene, terms, theta, k)[:, None]
         if smooth > 0.0:
             parts += [
@@ -40,7 +40,7 @@ def locally_wrong(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Float
     """Standard deviation (N,) by which a single reading may miss what forms make of it, on the stretched scale."""
     wrong = np.zeros(len(scene.readings))
     for k, term in enumerate(terms):
-        wrong = np.hypot(wrong, term.mechanism.local_error_in(scene) * _change(scene, terms, theta, k))
+        wrong = np.hypot(wrong, term.mechanism.local_error_in(scene, term.branch) * _change(scene, terms, theta, k))
     return wrong
 
 

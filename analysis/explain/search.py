@@ -149,14 +149,11 @@ class Search:
         return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
-        """The best way fitted again with what its form may have wrong, if it tells enough and may be locally wrong."""
-        best = max(ways, key=lambda f: f.log_evidence, default=None)
-        if (
-            best is None
-            or best.log_evidence < least
-            or not any(t.mechanism.local_error_in(self.scene) for t in best.terms)
-        ):
+        """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
+        wrong = [f for f in ways if any(t.mechanism.local_error_in(self.scene, t.branch) for t in f.terms)]
+        if not wrong or max(f.log_evidence for f in ways) < least:
             return ways
+        best = max(wrong, key=lambda f: f.log_evidence)
         return [self._allowing_for_form(f) if f is best else f for f in ways]
 
     def _allowing_for_form(self, plain: Fit) -> Fit:

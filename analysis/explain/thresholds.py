@@ -6,7 +6,7 @@ another author, neither of which shares code with the explanation (docs/explaini
 
 from analysis.explain.hypers import Hyper
 
-NAME_FIRST = 8.0
+NAME_FIRST = 11.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_BELOW = 10.0
 """The same below a skylight, where no simulated lens is quite right."""
@@ -55,6 +55,8 @@ SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
+IMITATION_LENS = 2.5
+"""The same of a change of the lens that was traced on another lens: its form takes less than half of what there is."""
 ROUGH = Hyper(3.0, 4.0)
 """A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
 LEAST_ROUGH = 120.0

@@ -14,6 +14,7 @@ from analysis.explain.thresholds import (
     APART,
     DOUBLES,
     IMITATION,
+    IMITATION_LENS,
     LEAST_ROUGH,
     LEFT_OF_STRONG,
     LEFT_OVER,
@@ -105,7 +106,9 @@ class Conclusion:
     @property
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
-        return 1.0 if self.one_instrument else IMITATION
+        if self.one_instrument:
+            return 1.0
+        return IMITATION_LENS if _of_another_lens(self.best) else IMITATION
 
     def temper(self, gain: float) -> float:
         """How many nats count as one for the first name, beside what that gains."""
@@ -129,7 +132,7 @@ def decide(found: Conclusion, few: float) -> None:
     else:
         found.verdict = "explained"
     _probabilities(found)
-    if found.best.ids and found.probability[found.best.ids[0]] < SURE:
+    if found.best.ids and min(found.probability.values()) < SURE:
         found.verdict = "unexplained"
 
 
@@ -168,7 +171,7 @@ def name_the_sure(found: Conclusion) -> bool:
     is wrong with it decides how large the named is.
     """
     ids = found.best.ids
-    if found.one_instrument or not ids or found.probability[ids[0]] >= SURE:
+    if found.one_instrument or not ids or min(found.probability.values()) >= SURE:
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])
@@ -186,7 +189,7 @@ def name_the_sure(found: Conclusion) -> bool:
 def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     gain = max(h.evidence - nothing.evidence, 0.0)
-    if any(t.mechanism.like_a_lens and isinstance(t.branch.value, Path) for t in h.fit.terms):
+    if _of_another_lens(h):
         return MISFIT_LENS * gain
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
@@ -194,9 +197,20 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
 
+def _of_another_lens(h: Hypothesis) -> bool:
+    """Whether a change of the lens was traced: on a lens that is like the prediction's, but another."""
+    return any(t.mechanism.like_a_lens and isinstance(t.branch.value, Path) for t in h.fit.terms)
+
+
 def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
     return [d for d in doubles(name) if d in alone and abs(alone[d] - alone.get(name, 0.0)) < ALIKE]
+
+
+def _share(found: Conclusion, name: str) -> float | None:
+    """How probable a name is beside others of the best set; ``None`` for that which was there first."""
+    told = found.shares.items()
+    return next((s for (base, new), s in told if new == name and base < set(found.best.ids)), None)
 
 
 def _alone(found: Conclusion) -> dict[str, float]:
@@ -209,7 +223,8 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     """Log odds against the first name: of singles beside the best single named, of sets without it beside the best."""
     ids, alone = found.best.ids, _alone(found)
     alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
-    first = {d for m in ids[:1] for d in (m, *_doubles_here(m, alone))}
+    begun = [m for m in ids if _share(found, m) is None][:1]  # a random effect's name stands last, though it came first
+    first = {d for m in begun for d in (m, *_doubles_here(m, alone))}
     rivals: dict[tuple[str, ...], float] = {}
     random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
@@ -233,8 +248,7 @@ def _probabilities(found: Conclusion) -> None:
         left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
         nearest = max(*rivals.values(), (found.law_alone - top) / nats, -top / nats)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
-        told = found.shares.items()
-        beside = {m: next((s for (base, new), s in told if new == m and base < set(ids)), None) for m in ids}
+        beside = {m: _share(found, m) for m in ids}
         found.probability = {m: sure if share is None else RELIABLE * share for m, share in beside.items()}
     share = {key: float(np.exp(r - np.logaddexp.reduce([-top / nats, *rivals.values()]))) for key, r in rivals.items()}
     ranked = sorted(share, key=lambda key: -share[key])[:5]

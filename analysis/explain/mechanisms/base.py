@@ -115,7 +115,7 @@ class Mechanism:
         """How wrong the form may be in this case, relative to the effect."""
         return self.form_error
 
-    def local_error_in(self, scene: Scene) -> float:
+    def local_error_in(self, scene: Scene, branch: Branch) -> float:
         """The same from one direction to the next: only below a skylight are images so sharp that it matters."""
         return self.local_error if np.any(scene.is_gonio) else 0.0
 

@@ -8,6 +8,7 @@ from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
 _DOME_SLANT = 1.3
@@ -18,6 +19,8 @@ _WEIGHT = Parameter(
 )
 
 
+_OTHER_LENS = 0.3
+"""Share by which the change of a turned pattern may miss from one direction to the next."""
 _IMAGE_TURN = Parameter(
     "rotation_deg",
     "deg",
@@ -142,6 +145,10 @@ class LensOrientation(Retraced):
         """As re-simulated, and by turning the sun's image about its middle."""
         image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
         return (*super().branches(scene), *image)
+
+    def local_error_in(self, scene: Scene, branch: Branch) -> float:
+        """Another lens sends its images elsewhere than the one that was traced."""
+        return _OTHER_LENS if isinstance(branch.value, Path) and np.any(scene.is_gonio) else 0.0
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """An image is turned by less than its own symmetry."""

@@ -15,6 +15,9 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 from analysis.explain.sky_flux import RINGS_DEG
 
+_ALL = -1
+"""In place of a channel's index: all of them."""
+
 
 def _roof_channels(scene: Scene) -> tuple[Branch, ...]:
     """The whole roof, and each meter alone where there are several; or the roof behind a goniometer's simulation."""
@@ -25,8 +28,19 @@ def _roof_channels(scene: Scene) -> tuple[Branch, ...]:
     return tuple(Branch(r.case.channels[k].id, int(k)) for k in channels)
 
 
+def _heads(scene: Scene) -> tuple[Branch, ...]:
+    """Each meter, and where there are several, all of them alike: heads of one make, on one plate."""
+    ways = _roof_channels(scene)
+    return (*ways, Branch("every roof meter", _ALL)) if len(ways) > 1 else ways
+
+
 def _acts(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
-    return np.asarray(scene.is_roof & (scene.readings.channel == branch.value))
+    return _of_channel(scene, branch.value)
+
+
+def _of_channel(scene: Scene, channel: int) -> NDArray[np.bool_]:
+    mine = scene.is_roof if channel == _ALL else scene.is_roof & (scene.readings.channel == channel)
+    return np.asarray(mine)
 
 
 def _why_no_sun(scene: Scene) -> str:
@@ -77,8 +91,8 @@ class MeterTilt(Mechanism):
         return _why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter."""
-        return _roof_channels(scene)
+        """Each meter, and all together."""
+        return _heads(scene)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the beam's projection on the tilted meter."""
@@ -181,7 +195,7 @@ class MeterCosine(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, with a diffuser that is wrong or a rim that shades it."""
-        ways = _roof_channels(scene)
+        ways = _heads(scene)
         return (*ways, *(Branch(f"{way.label}, rim", ("rim", way.value)) for way in ways))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
@@ -196,7 +210,7 @@ class MeterCosine(Mechanism):
             light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
             return
         skies = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
-        acts = scene.is_roof & (scene.readings.channel == channel)
+        acts = _of_channel(scene, channel)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * skies, light.sky_factor)
 
