@@ -127,7 +127,8 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + AHEAD:
         found.verdict = "unexplained"
-    elif not found.best.fit.ids:  # a random effect says how readings scatter together, but predicts none of them
+    elif not found.best.fit.ids and not found.one_instrument:
+        # a random effect says how readings scatter together, but predicts none; of a camera's exposures that is all
         found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
