@@ -172,6 +172,18 @@ def test_a_meter_that_is_not_level_is_found(tmp_path: Path) -> None:
     assert held["after"]["rms_percent"] < 0.3 * held["before"]["rms_percent"]
 
 
+def test_two_heads_of_one_make_err_alike(tmp_path: Path) -> None:
+    """Both meters read the low sun's beam too high, and the sky as much as its mean over a uniform one."""
+    altitude = sun_of(ROOF_TESTS, 60.0)[0]
+    beam, sky = beam_and_sky(altitude)
+    both = beam * (1.0 + 0.08 * ((90.0 - altitude) / 60.0) ** 2) + 1.05 * sky
+    readings = {name: _noisy(both, 0.002, seed) for seed, name in enumerate(("velux", "konica"))}
+    content = answer(explain(roof_case(tmp_path / "case", readings)))
+    (first,) = content["mechanisms"]
+    assert (first["id"], first["way"]) == ("meter-cosine", "every roof meter")
+    assert first["parameters"]["error_at_60deg"]["value"] == pytest.approx(0.08, abs=0.02)
+
+
 def test_a_meter_out_of_calibration_is_found(tmp_path: Path) -> None:
     true = sum(beam_and_sky(sun_of(ROOF_TESTS, 60.0)[0]))
     content = answer(explain(roof_case(tmp_path / "case", {"konica": _noisy(1.05 * true, 0.002)})))

@@ -1,5 +1,7 @@
 """How sure a name is: evidence against evidence, and what cannot be told apart is not claimed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,9 @@ from analysis.explain.conclude import conclude
 from analysis.explain.families import SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
-from analysis.explain.mechanisms.base import terms_of
+from analysis.explain.mechanisms.base import Branch, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_ONE
@@ -121,6 +124,45 @@ def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -
 
 def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
     assert conclude(Search(Fitter(picture))).nat == TEMPER_ONE
+
+
+def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
+    """A random effect's name stands behind those of formulas, also where it came first and others could replace it."""
+    shutter, rival = _hypothesis(picture, 357.0, "exposure-error"), _hypothesis(picture, 300.0, "nonlinearity")
+    found = Conclusion(shutter, _hypothesis(picture, 0.0), [rival, shutter], one_instrument=True, nat=TEMPER_ONE)
+    found.best = _hypothesis(picture, 420.0, "projection-error")
+    found.best.wanders = ((SHUTTER, 0.05, 1.0),)
+    assert found.best.ids == ("projection-error", "exposure-error")
+    found.shares = {(frozenset({"exposure-error"}), "projection-error"): 0.8}
+    decide(found, 1.0)
+    assert found.verdict == "explained"
+    found.considered = [(("nonlinearity", "projection-error"), 424.0)]
+    decide(found, 1.0)
+    assert found.probability["projection-error"] == pytest.approx(0.8 * RELIABLE)
+    assert found.probability["exposure-error"] < SURE
+    assert found.verdict == "unexplained"
+
+
+def test_exposures_explain_a_camera_and_a_cloud_does_not_explain_an_arm(picture: Scene) -> None:
+    for alone, verdict in ((True, "explained"), (False, "partly-explained")):
+        shutter = Hypothesis(_hypothesis(picture, 0.0).fit, 200.0, ((SHUTTER, 0.05, 1.0),))
+        found = Conclusion(shutter, _hypothesis(picture, 0.0), [shutter], one_instrument=alone)
+        decide(found, 1.0)
+        assert found.verdict == verdict
+
+
+def test_a_change_of_the_lens_that_was_traced_takes_less_than_there_is(arm: Scene) -> None:
+    """A smooth function of nobody's making holds all of it; a change that was traced on another lens does not."""
+    found = _decided(arm, ("lens-orientation", 106.0))
+    way = found.best.fit.terms[0]
+    found.unnamed_alone = 252.0
+    decide(found, 1.0)
+    assert found.verdict == "unexplained"
+    one = np.ones((2, 1, 1, 1))
+    turned = Path("own re-simulation", way.parameters[0], np.array([0.0, 30.0]), one, one)
+    found.best.fit.terms = (replace(way, branch=Branch("own re-simulation", turned)),)
+    decide(found, 1.0)
+    assert found.verdict == "explained"
 
 
 def test_a_double_is_no_rival(arm: Scene) -> None:
