@@ -168,8 +168,9 @@ def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], g
 def name_the_sure(found: Conclusion) -> bool:
     """Where the first name is doubtful: name the one that all likely sets hold, if there is one, and say so.
 
-    What else there is stays open: the verdict is ``partly-explained``. Of one instrument nothing is named so: what else
-    is wrong with it decides how large the named is.
+    That may be the first name itself, if it is doubtful only for what is left beside it, and likely sets have another
+    name for that. What else there is stays open: the verdict is ``partly-explained``. Of one instrument nothing is
+    named so: what else is wrong with it decides how large the named is.
     """
     ids = found.best.ids
     if found.one_instrument or not ids or min(found.probability.values()) >= SURE:
@@ -181,7 +182,7 @@ def name_the_sure(found: Conclusion) -> bool:
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
     sure = RELIABLE * float(expit((evidence - without[surest]) / nats))
-    if alone is None or surest == ids[0] or sure < SURE_ALONE:
+    if alone is None or (surest == ids[0] and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
     found.best, found.verdict, found.probability = alone, "partly-explained", {surest: sure}
     return True

@@ -75,6 +75,18 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
 
 
+def test_a_name_that_is_doubtful_for_what_is_left_stays_where_likely_sets_explain_that(arm: Scene) -> None:
+    """A bent response beside another split of sun and sky, or another meter's error: which of these is not told."""
+    found = _decided(arm, ("nonlinearity", 110.0), ("meter-cosine", 90.0), ("sky-sun-ratio", 59.0), left=193.0)
+    assert found.probability["nonlinearity"] < SURE
+    assert not name_the_sure(found), "nothing says what else there is"
+    found.considered = [(("nonlinearity", "sky-sun-ratio"), 338.0), (("nonlinearity", "meter-cosine"), 312.0)]
+    decide(found, 1.0)
+    assert name_the_sure(found)
+    assert found.best.ids == ("nonlinearity",)
+    assert found.verdict == "partly-explained"
+
+
 def test_of_one_instrument_no_name_is_given_without_what_else_is_wrong_with_it(arm: Scene) -> None:
     found = _decided(arm, ("nonlinearity", 321.0), ("meter-tilt", 171.0), ("meter-cosine", 320.0))
     found.considered = [(("nonlinearity", "meter-tilt"), 643.0), (("meter-cosine", "meter-tilt"), 632.0)]
