@@ -176,6 +176,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if share < SURE_BESIDE:
         return None
     best.tied = base.tied + tuple((new, h.ids[-1]) for h in candidates if h.ids[-1] in doubles(new))
+    best.added_to = base.first
     best.evidence = base.evidence + gain
     return gain, best
 

@@ -47,6 +47,8 @@ class Hypothesis:
         Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
     tied
         Mechanisms added to others, and what could stand in their place.
+    added_to
+        The mechanism that all others were added to; empty where there are no others.
     """
 
     fit: Fit
@@ -54,6 +56,12 @@ class Hypothesis:
     wanders: tuple[tuple[Wander, float, float], ...] = ()
     ways: list[Fit] = field(default_factory=list)
     tied: tuple[tuple[str, str], ...] = ()
+    added_to: str = ""
+
+    @property
+    def first(self) -> str:
+        """Id of the mechanism that was there before others."""
+        return self.added_to or next(iter(self.ids), "")
 
     @property
     def ids(self) -> tuple[str, ...]:

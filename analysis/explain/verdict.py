@@ -13,6 +13,7 @@ from analysis.explain.thresholds import (
     ALIKE,
     APART,
     DOUBLES,
+    EVEN,
     IMITATION,
     IMITATION_LENS,
     LEAST_ROUGH,
@@ -182,7 +183,7 @@ def name_the_sure(found: Conclusion) -> bool:
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
     sure = RELIABLE * float(expit((evidence - without[surest]) / nats))
-    if alone is None or (surest == ids[0] and len(likeliest) == 1) or sure < SURE_ALONE:
+    if alone is None or (surest == found.best.first and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
     found.best, found.verdict, found.probability = alone, "partly-explained", {surest: sure}
     return True
@@ -209,10 +210,10 @@ def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:
     return [d for d in doubles(name) if d in alone and abs(alone[d] - alone.get(name, 0.0)) < ALIKE]
 
 
-def _share(found: Conclusion, name: str) -> float | None:
-    """How probable a name is beside others of the best set; ``None`` for that which was there first."""
+def _share(found: Conclusion, name: str) -> float:
+    """How probable a name is beside others of the best set; that which was not asked about is doubtless."""
     told = found.shares.items()
-    return next((s for (base, new), s in told if new == name and base < set(found.best.ids)), None)
+    return next((s for (base, new), s in told if new == name and base < set(found.best.ids)), 1.0)
 
 
 def _alone(found: Conclusion) -> dict[str, float]:
@@ -225,8 +226,7 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     """Log odds against the first name: of singles beside the best single named, of sets without it beside the best."""
     ids, alone = found.best.ids, _alone(found)
     alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
-    begun = [m for m in ids if _share(found, m) is None][:1]  # a random effect's name stands last, though it came first
-    first = {d for m in begun for d in (m, *_doubles_here(m, alone))}
+    first = {found.best.first, *_doubles_here(found.best.first, alone)}
     rivals: dict[tuple[str, ...], float] = {}
     random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
@@ -248,10 +248,10 @@ def _probabilities(found: Conclusion) -> None:
     sure = 0.0
     if ids:
         left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
-        nearest = max(*rivals.values(), (found.law_alone - top) / nats, -top / nats)
+        even = EVEN if found.one_instrument else 0.0
+        nearest = max(*rivals.values(), (found.law_alone - top) / nats, (even - top) / nats)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
-        beside = {m: _share(found, m) for m in ids}
-        found.probability = {m: sure if share is None else RELIABLE * share for m, share in beside.items()}
+        found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
     share = {key: float(np.exp(r - np.logaddexp.reduce([-top / nats, *rivals.values()]))) for key, r in rivals.items()}
     ranked = sorted(share, key=lambda key: -share[key])[:5]
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]

@@ -134,6 +134,17 @@ def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -
     assert sure[0] < SURE < sure[1]
 
 
+def test_of_one_instrument_little_evidence_is_no_name(picture: Scene) -> None:
+    """Ten nats are what any fault that is not in the catalogue may give to some name of it."""
+    verdicts = {}
+    for gain in (9.0, 20.0):
+        only = _hypothesis(picture, gain, "vignetting")
+        found = Conclusion(only, _hypothesis(picture, 0.0), [only], one_instrument=True, nat=TEMPER_ONE)
+        decide(found, 1.0)
+        verdicts[gain] = found.verdict
+    assert verdicts == {9.0: "unexplained", 20.0: "explained"}
+
+
 def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
     assert conclude(Search(Fitter(picture))).nat == TEMPER_ONE
 
@@ -143,7 +154,7 @@ def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
     shutter, rival = _hypothesis(picture, 357.0, "exposure-error"), _hypothesis(picture, 300.0, "nonlinearity")
     found = Conclusion(shutter, _hypothesis(picture, 0.0), [rival, shutter], one_instrument=True, nat=TEMPER_ONE)
     found.best = _hypothesis(picture, 420.0, "projection-error")
-    found.best.wanders = ((SHUTTER, 0.05, 1.0),)
+    found.best.wanders, found.best.added_to = ((SHUTTER, 0.05, 1.0),), "exposure-error"
     assert found.best.ids == ("projection-error", "exposure-error")
     found.shares = {(frozenset({"exposure-error"}), "projection-error"): 0.8}
     decide(found, 1.0)
@@ -152,6 +163,19 @@ def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
     decide(found, 1.0)
     assert found.probability["projection-error"] == pytest.approx(0.8 * RELIABLE)
     assert found.probability["exposure-error"] < SURE
+    assert found.verdict == "unexplained"
+
+
+def test_what_was_there_first_is_weighed_against_nothing(picture: Scene) -> None:
+    """Two that are each sure beside the other may both be nothing: neither tells much alone."""
+    weak, other = _hypothesis(picture, 10.0, "meter-gain"), _hypothesis(picture, 6.0, "vignetting")
+    found = Conclusion(weak, _hypothesis(picture, 0.0), [weak, other], one_instrument=True, nat=TEMPER_ONE)
+    found.best = _hypothesis(picture, 26.0, "meter-gain", "vignetting")
+    found.best.added_to = "meter-gain"
+    pair = frozenset({"meter-gain", "vignetting"})
+    found.shares = {(pair - {name}, name): 0.9 for name in pair}
+    decide(found, 1.0)
+    assert found.probability["meter-gain"] < SURE < found.probability["vignetting"]
     assert found.verdict == "unexplained"
 
 
