@@ -81,35 +81,31 @@ class TensorTreeBsdf:
         self, incidence: Incidence, travel: Floats, per_direction: int, rng: Generator
     ) -> tuple[Floats, Floats]:
         """Scatter rays as a `Tracer`: directions (n, 3) to (n, m, 3) and weights (n, m)."""
-        out = np.zeros((len(travel), per_direction, 3))
-        weights = np.zeros((len(travel), per_direction))
-        for i, direction in enumerate(travel):
-            out[i], weights[i] = self._scatter(incidence, direction[:2], per_direction, rng)
-        return out, weights
-
-    def _scatter(self, incidence: Incidence, xy: Floats, count: int, rng: Generator) -> tuple[Floats, float]:
-        """Directions (count, 3) of light from one direction, and the part of it that goes on."""
         sign = travel_sign(incidence)
-        corners, sizes, shares, signs = [], [], [], []
-        for transmitted in (True, False):
-            tree = self.trees.get(component_of(incidence, transmitted))
-            if tree is not None:
-                corner, size, value = tree.slice(self._incident(xy))
-                corners.append(corner)
-                sizes.append(size)
-                shares.append(np.pi * value * size**2)
-                signs.append(np.full(len(size), sign if transmitted else -sign))
-        if not shares or (total := float(np.concatenate(shares).sum())) <= 0.0:
-            return np.tile([0.0, 0.0, sign], (count, 1)), 0.0
-        cumulative = np.cumsum(np.concatenate(shares)) / total
-        chosen = np.minimum(np.searchsorted(cumulative, rng.random(count), side="right"), len(cumulative) - 1)
-        size = np.concatenate(sizes)[chosen, None]
-        out = disk_of_square(np.concatenate(corners)[chosen] + size * rng.random((count, 2)))
+        parts = [
+            (self.trees.get(component_of(incidence, through)), sign if through else -sign) for through in (True, False)
+        ]
+        trees = [(tree, way) for tree, way in parts if tree is not None]
+        shape = len(travel), per_direction
+        place, ways, weights = rng.random((*shape, 2)), np.full(shape, sign), np.zeros(shape)
+        for i, fixed in enumerate(self._incident(travel[:, :2])):
+            cells = [(*tree.slice(fixed), way) for tree, way in trees]
+            shares = np.concatenate([np.pi * value * size**2 for _, size, value, _ in cells] or [np.zeros(0)])
+            if (total := float(shares.sum())) <= 0.0:
+                continue
+            cumulative = np.cumsum(shares) / total
+            chosen = np.searchsorted(cumulative, rng.random(per_direction), side="right")
+            chosen = np.minimum(chosen, len(cumulative) - 1)
+            corner, size = (np.concatenate([cell[k] for cell in cells])[chosen] for k in (0, 1))
+            place[i] = corner + size[:, None] * place[i]
+            ways[i] = np.concatenate([np.full(len(size), way) for _, size, _, way in cells])[chosen]
+            weights[i] = total
+        out = disk_of_square(place)
         if self.rank == 3:
-            out = turn(out, np.full(count, float(azimuth(xy))))
-        return with_z(out, 1.0) * np.stack(
-            [np.ones(count), np.ones(count), np.concatenate(signs)[chosen]], axis=1
-        ), total
+            out = turn(out, azimuth(travel[:, None, :2]))
+        out = with_z(out, 1.0)
+        out[..., 2] *= ways
+        return out, weights
 
 
 def azimuth(xy: Floats) -> Floats:

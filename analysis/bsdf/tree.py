@@ -11,6 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.bsdf.compiled import compiled
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -63,27 +65,9 @@ class Tree:
             Lower corners and edge lengths of the squares that the leaves cut out of the other dimensions; they
             cover the unit square.
         """
-        k = len(fixed)
-        place = np.clip(np.asarray(fixed, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0)).copy()
-        bits = np.arange(1 << self.rank)
-        nodes = np.array([self.root], dtype=np.int64)
-        corner, size = np.zeros((1, self.rank - k)), 1.0
-        found: list[tuple[Floats, Floats, Floats]] = []
-        while True:
-            leaf = nodes < 0
-            found.append((corner[leaf], np.full(int(leaf.sum()), size), self.leaves[-nodes[leaf] - 1]))
-            nodes, corner = nodes[~leaf], corner[~leaf]
-            if not nodes.size:
-                break
-            upper = 2.0 * place >= 1.0
-            place = 2.0 * place - upper
-            below = bits[((bits[:, None] >> np.arange(k)) & 1 == upper).all(axis=1)]
-            offset = (below[:, None] >> np.arange(k, self.rank)) & 1
-            size /= 2.0
-            nodes = self.branches[nodes[:, None], below].ravel()
-            corner = (corner[:, None, :] + size * offset).reshape(-1, self.rank - k)
-        parts = [np.concatenate(arrays) for arrays in zip(*found, strict=True)]
-        return parts[0], parts[1], parts[2]
+        place = np.clip(np.asarray(fixed, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
+        found = _leaves_under(self.branches, self.leaves, self.root, self.rank, place)
+        return found[:, 2:], found[:, 0], found[:, 1]
 
     @cached_property
     def depth(self) -> int:
@@ -108,6 +92,31 @@ class Tree:
             yield level, node
             if node >= 0:
                 stack += [(level + 1, int(child)) for child in self.branches[node][::-1]]
+
+
+@compiled
+def _leaves_under(branches: Ints, leaves: Floats, root: int, rank: int, place: Floats) -> Floats:
+    """Rows of (edge length, value, lower corner ..), depth first; see `Tree.slice`."""
+    fixed, free = len(place), rank - len(place)
+    found, count = np.empty((256, 2 + free)), 0
+    todo = [(root, 1.0, np.zeros(free))]
+    while todo:
+        node, size, corner = todo.pop()
+        if node < 0:
+            if count == len(found):
+                found = np.concatenate((found, np.empty_like(found)))
+            found[count, 0], found[count, 1], found[count, 2:] = size, leaves[-node - 1], corner
+            count += 1
+            continue
+        half, under = 0.5 * size, 0
+        for i in range(fixed):
+            under |= (int(place[i] / half) & 1) << i
+        for part in range(1 << free):
+            below = corner.copy()
+            for j in range(free):
+                below[j] += half * ((part >> j) & 1)
+            todo.append((branches[node, under | part << fixed], half, below))
+    return found[:count]
 
 
 def variance_measure(low: Floats, high: Floats, mean: Floats) -> Floats:
