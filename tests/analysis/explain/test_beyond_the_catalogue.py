@@ -48,7 +48,11 @@ def _sagging(degrees: float) -> Truth:
 
 @pytest.mark.parametrize(
     ("truth", "law"),
-    [(_sagging(2.5), "arm-sag"), (_lagging(0.3), "slow-sensors"), (effects.tint(0.3), "tinted-sensors")],
+    [
+        (_sagging(2.5), "arm-sag"),
+        pytest.param(_lagging(0.3), "slow-sensors", marks=pytest.mark.slow),
+        pytest.param(effects.tint(0.3), "tinted-sensors", marks=pytest.mark.slow),
+    ],
 )
 def test_a_law_beyond_the_catalogue_is_a_conjecture_and_no_name(truth: Truth, law: str, tmp_path: Path) -> None:
     content = answer(_explained(tmp_path, truth))

@@ -71,7 +71,13 @@ def _explained(folder: Path, truth: Truth, seed: int = 1) -> dict[str, Any]:
     return content
 
 
-@pytest.mark.parametrize("name", WORLDS)
+_OTHERS_LIKE_IT = {"c", "gain", "power", "leak"}
+"""Worlds that prove nothing that another does not, but for their own mechanism."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in _OTHERS_LIKE_IT else n for n in WORLDS]
+)
 def test_a_single_effect_is_named_and_sized_and_helps_elsewhere(name: str, tmp_path: Path) -> None:
     world = WORLDS[name]
     content = _explained(tmp_path, world.truth)
