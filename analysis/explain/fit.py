@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.cases.model import Floats
+from analysis.explain.air_error import air_error_effects
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects, steepness
 from analysis.explain.mechanisms.base import Term, predict
@@ -97,7 +98,9 @@ class Fitter:
 
     def __init__(self, scene: Scene, nuisance: Nuisance | None = None) -> None:
         self.scene = scene
-        effects = np.concatenate([lens_error_effects(scene), sky_error_effects(scene)], axis=1)
+        effects = np.concatenate(
+            [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
+        )
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene))
         self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)

@@ -20,7 +20,10 @@ Place = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Hyper:
-    """How wrong the simulation may be: multiples of the usual smooth discrepancy, scatter, and error of the lens."""
+    """How wrong the simulation may be: multiples of the usual smooth discrepancy, scatter, and error of the lens.
+
+    Where no lens was simulated, the third is what all pictures of a camera share, or what a roof's days differ by.
+    """
 
     shape: float
     scatter: float
@@ -110,8 +113,8 @@ def _even(low: float, high: float, factor: float) -> tuple[float, ...]:
 
 
 BELOW: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.25), _even(0.15, 2.5, 1.6))
-ON_THE_ROOF: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.3))
-"""On the roof there is no lens."""
+ON_THE_ROOF: Final = Lattice(_even(0.3, 6.0, 1.3), _even(0.2, 6.0, 1.3), _even(0.25, 10.0, 1.6))
+"""``lens`` is what a prediction has wrong from day to day: a second meter little, a clear-sky model per cents."""
 OF_THE_SKY: Final = Lattice(_even(0.2, 6.0, 1.35), _even(0.2, 30.0, 1.35), _even(0.3, 4.0, 1.5))
 """A prediction of the sky is a second instrument (right to a per cent) or a sky model (to ten); ``lens`` is what all
 pictures of one camera have in common."""

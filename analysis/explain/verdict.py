@@ -107,8 +107,6 @@ class Conclusion:
     @property
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
-        if self.one_instrument:
-            return 1.0
         return IMITATION_LENS if _of_another_lens(self.best) else IMITATION
 
     def temper(self, gain: float) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.air_error import air_mass
 from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
@@ -153,11 +154,7 @@ def _clear_later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     height = np.sin(np.radians(later)) / np.sin(np.radians(now))
     normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
     lost = -np.log(np.clip(normal / _BEYOND_AIR_LX, 0.02, 0.98))  # through today's air mass, cloud included
-    return height * np.exp(-lost * (_air_mass(later) / _air_mass(now) - 1.0)), np.sqrt(height)
-
-
-def _air_mass(altitude_deg: Floats) -> Floats:
-    return np.asarray(1.0 / (np.sin(np.radians(altitude_deg)) + 0.15 * (altitude_deg + 3.885) ** -1.253))
+    return height * np.exp(-lost * (air_mass(later) / air_mass(now) - 1.0)), np.sqrt(height)
 
 
 def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
@@ -186,4 +183,4 @@ def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
 def _clear_beam(altitude_deg: Floats) -> Floats:
     """Horizontal beam under clear air, up to a constant; (N,)."""
     height = np.maximum(altitude_deg, 0.5)
-    return np.asarray(np.sin(np.radians(height)) * np.exp(-_CLEAR_LOSS * _air_mass(height)))
+    return np.asarray(np.sin(np.radians(height)) * np.exp(-_CLEAR_LOSS * air_mass(height)))

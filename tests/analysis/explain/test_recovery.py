@@ -190,6 +190,18 @@ def test_two_heads_of_one_make_err_alike(tmp_path: Path) -> None:
     assert first["parameters"]["error_at_60deg"]["value"] == pytest.approx(0.08, abs=0.02)
 
 
+def test_air_that_differs_from_day_to_day_is_no_meters_fault(tmp_path: Path) -> None:
+    """A clear-sky model has the beam of one day too bright and of the other too dim, the more the lower the sun."""
+    altitude = sun_of(ROOF_TESTS, 60.0)[0]
+    beam, sky = beam_and_sky(altitude)
+    first = np.arange(len(ROOF_TESTS)) < len(ROOF_TESTS) // 2
+    clearer = np.where(first, np.exp(-0.03 / np.sin(np.radians(altitude))), 1.02)
+    readings = {name: _noisy(beam * clearer + sky, 0.002, seed) for seed, name in enumerate(("velux", "konica"))}
+    content = answer(explain(roof_case(tmp_path / "case", readings)))
+    assert content["mechanisms"] == []
+    assert content["verdict"] == "no-mismatch"
+
+
 def test_a_meter_out_of_calibration_is_found(tmp_path: Path) -> None:
     true = sum(beam_and_sky(sun_of(ROOF_TESTS, 60.0)[0]))
     content = answer(explain(roof_case(tmp_path / "case", {"konica": _noisy(1.05 * true, 0.002)})))

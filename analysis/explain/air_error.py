@@ -1,0 +1,43 @@
+"""What a prediction for the roof has wrong from day to day, as random effects that every hypothesis allows for.
+
+A clear-sky model supposes some turbidity, and a sky model some clearness; the air of each day is another. Beam and sky
+are off by a factor of their own on each day, and the beam the more, the longer its way through the air: the same in
+all meters. A second meter wanders less, and alike for beam and sky. How much nobody announces: the sizes grow with
+`Hyper.lens`, which has nothing else to do on a roof.
+"""
+
+import numpy as np
+
+from analysis.cases.model import Floats
+from analysis.explain.nearness import days_of
+from analysis.explain.scene import Scene
+
+USUAL = 0.005
+"""Usual relative error of a day's beam, and of its sky."""
+OF_THE_AIR = 0.005
+"""The same of the optical depth of a day's air, and of the air over all days."""
+
+
+def air_mass(altitude_deg: Floats) -> Floats:
+    """Relative optical air mass [1] at altitudes of the sun above the horizon (Kasten 1966, as pvlib has it)."""
+    from pvlib.atmosphere import get_relative_airmass
+
+    return np.asarray(get_relative_airmass(90.0 - altitude_deg, model="kasten1966"))
+
+
+def air_error_effects(scene: Scene) -> Floats:
+    """Independent unit effects (N, K) on the stretched scale; (N, 0) without roof rows of two days."""
+    r = scene.readings
+    day = np.where(scene.is_roof, days_of(r), -1)
+    days = np.unique(day[day >= 0])
+    if len(days) < 2:
+        return np.zeros((len(r), 0))
+    total = np.hypot(r.simulated, r.floor)
+    apart = np.isfinite(r.sun) & np.isfinite(r.sky)
+    beam = np.where(apart, r.sun, r.simulated) / total
+    lost = beam * air_mass(np.maximum(np.nan_to_num(r.sun_altitude_at_deg, nan=90.0), 3.0))
+    parts = [USUAL * beam, USUAL * np.where(apart, r.sky, 0.0) / total, OF_THE_AIR * lost]
+    columns = [np.where(day == k, part, 0.0) for part in parts for k in days]
+    columns.append(np.where(scene.is_roof, OF_THE_AIR * lost, 0.0))
+    loud = np.abs(r.measured) / r.scale
+    return np.stack([loud * c for c in columns if np.any(c)], axis=1)
