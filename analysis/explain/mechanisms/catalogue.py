@@ -2,6 +2,7 @@
 
 from analysis.explain.mechanisms import (
     camera,
+    dirt,
     glare,
     goniometer,
     lens,
@@ -22,7 +23,7 @@ CATALOGUE: tuple[Mechanism, ...] = (
     lens.LensHaze(),
     lens.LensAnisotropy(),
     lens.LensOrientation(),
-    lens.Soiling(),
+    dirt.Soiling(),
     well.WallReflectance(),
     well.BounceTruncation(),
     well.WallScatter(),

@@ -1,7 +1,6 @@
-"""The lens: haze, dirt, and the pattern of its prisms."""
+"""The lens: haze, and the pattern of its prisms."""
 
 import numpy as np
-from scipy.special import expn
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
@@ -11,14 +10,9 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
-_DOME_SLANT = 1.3
-"""Mean path through a shallow dome's pane over the straight one, of a sun 20 to 70° high."""
-
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
 )
-
-
 _OTHER_LENS = 0.3
 """Share by which the change of a turned pattern may miss from one direction to the next."""
 _IMAGE_TURN = Parameter(
@@ -167,60 +161,3 @@ class LensOrientation(Retraced):
         if not isinstance(branch.value, str):
             return super().statement(p, branch)
         return f"The lens pattern is turned by {p[0]:+.1f}° (counter-clockwise from above) against the simulated one."
-
-
-class Soiling(Retraced):
-    """Dirt takes light, the more the more grazing it comes."""
-
-    id = "soiling"
-    stage = Stage.OPTICS
-    leaves_out = "Dirt on the skylight takes light, more at grazing incidence."
-    parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
-    needs = "sun and sky parts apart; sun angles"
-    source = (
-        "re-simulation with exp(-depth / cos) on the cover; else (1-l)^(1/cos z) for the beam, its mean over a uniform "
-        "sky for the sky, (1-l)^1.3 for both under a dome; Martin and Ruiz 2001, Sol. Energy Mater. 70"
-    )
-    form_error = 0.2  # dirt is not even, nor alike at all angles
-    tie_breaker = "the same sky before and after cleaning"
-
-    def why_not(self, scene: Scene) -> str:
-        """The loss depends on the sun's angle."""
-        r = scene.readings
-        if not r.has_parts:
-            return "the records do not give the sun and sky parts apart"
-        return "sun angles are not given" if np.any(np.isnan(r.altitude_deg)) else ""
-
-    def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """All systems alike, or one of them; as traced, else under a pane, or a dome, where all light goes aslant."""
-        if traced := super().branches(scene):
-            return traced
-        systems = systems_on_the_arm(scene)
-        some = {"every system": None} | ({name: k for k, name in systems.items()} if len(systems) > 1 else {})
-        panes = tuple(Branch(label, (k, "pane")) for label, k in some.items())
-        return (*panes, *(Branch(f"{label}, domed", (k, "dome")) for label, k in some.items()))
-
-    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Closed forms have the loss itself."""
-        return self.parameters if isinstance(branch.value, tuple) else super().parameters_in(scene, branch)
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Weaken the beam by its path through the dirt, the sky by the mean."""
-        if not isinstance(branch.value, tuple):
-            super().illuminate(scene, light, p, branch)
-            return
-        system, cover = branch.value
-        r = scene.readings
-        if cover == "pane":
-            beam = (1.0 - p[0]) ** (1.0 / np.maximum(np.cos(scene.sun_zenith_at), 0.1))
-            sky = 2.0 * float(expn(3, -np.log1p(-p[0])))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
-        else:
-            beam = np.full(len(r), (1.0 - p[0]) ** _DOME_SLANT)
-            sky = (1.0 - float(p[0])) ** _DOME_SLANT
-        hit = np.ones(len(r), bool) if system is None else r.system[r.test] == system
-        light.sun_factor = np.where(hit, light.sun_factor * beam, light.sun_factor)
-        light.sky_factor = np.where(hit, light.sky_factor * sky, light.sky_factor)
-
-    def statement(self, p: Floats, branch: Branch) -> str:
-        """Say how much."""
-        return f"Dirt on the skylight ({branch.label}) takes {p[0]:.1%} at normal incidence and more at grazing."

@@ -171,6 +171,19 @@ def dirt(loss: float) -> Truth:
     return truth
 
 
+def scattering_dirt(loss: float, share: float) -> Truth:
+    """What dirt takes of beam and sky (see `dirt`) comes in as sky light again, a share of it."""
+
+    def truth(rows: Rows) -> Floats:
+        up = np.sin(np.radians(rows.of_test(lambda t: t.sun[0])))
+        to_sky = rows.of_test(lambda t: (t.global_lx - t.diffuse_lx) / t.diffuse_lx)
+        taken = _sun(rows) + _sky(rows) - dirt(loss)(rows)
+        of_sky = taken - _sun(rows) * (1.0 - (1.0 - loss) ** (1.0 / up))
+        return dirt(loss)(rows) + share * (of_sky + to_sky * _sky(rows) * (1.0 - (1.0 - loss) ** (1.0 / up)))
+
+    return truth
+
+
 def domed(loss: float) -> Truth:
     """Dirt on a dome: sun and sky go through alike, 1.3 times as slantingly as straight down."""
     return lambda rows: light(rows) * (1.0 - loss) ** 1.3

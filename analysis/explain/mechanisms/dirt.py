@@ -1,0 +1,103 @@
+"""Dirt on a skylight: it takes light, the more the more grazing it comes, and scatters some of that on."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expn
+
+from analysis.cases.model import Floats
+from analysis.explain.mechanisms.base import Branch, Stage
+from analysis.explain.mechanisms.retraced import Retraced, systems_on_the_arm
+from analysis.explain.parameter import Parameter
+from analysis.explain.scene import Light, Scene
+
+_DOME_SLANT = 1.3
+"""Mean path through a shallow dome's pane over the straight one, of a sun 20 to 70° high."""
+
+
+class Soiling(Retraced):
+    """Dirt takes light, the more the more grazing it comes."""
+
+    id = "soiling"
+    stage = Stage.OPTICS
+    leaves_out = "Dirt on the skylight takes light, more at grazing incidence."
+    parameters = (Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15)),)
+    needs = "sun and sky parts apart; sun angles"
+    source = (
+        "re-simulation with exp(-depth / cos) on the cover; else (1-l)^(1/cos z) for the beam, its mean over a uniform "
+        "sky for the sky, (1-l)^1.3 for both under a dome; scattering: of what is taken, a share goes on like the "
+        "sky's light; Martin and Ruiz 2001, Sol. Energy Mater. 70"
+    )
+    scattered = Parameter(
+        "scattered_on", "1", "share of what dirt takes that goes on scattered", 0.0, 0.95, 0.25, (0.2, 0.6), centre=0.4
+    )
+    form_error = 0.2  # dirt is not even, nor alike at all angles
+    tie_breaker = "the same sky before and after cleaning"
+
+    def why_not(self, scene: Scene) -> str:
+        """The loss depends on the sun's angle."""
+        r = scene.readings
+        if not r.has_parts:
+            return "the records do not give the sun and sky parts apart"
+        return "sun angles are not given" if np.any(np.isnan(r.altitude_deg)) else ""
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """All systems alike, or one of them; as traced, else under a pane, or a dome, where all light goes aslant.
+
+        Nothing that is traced knows of light that dirt scatters on.
+        """
+        systems = systems_on_the_arm(scene)
+        some = {"every system": None} | ({name: k for k, name in systems.items()} if len(systems) > 1 else {})
+        ways = super().branches(scene) or (
+            *(Branch(label, (k, "pane")) for label, k in some.items()),
+            *(Branch(f"{label}, domed", (k, "dome")) for label, k in some.items()),
+        )
+        if not scene.knows_split:
+            return ways
+        return (*ways, *(Branch(f"{label}, scattering", (k, "scattering")) for label, k in some.items()))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Closed forms have the loss itself."""
+        if not isinstance(branch.value, tuple):
+            return super().parameters_in(scene, branch)
+        return (*self.parameters, self.scattered) if branch.value[1] == "scattering" else self.parameters
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Weaken the beam by its path through the dirt, the sky by the mean."""
+        if not isinstance(branch.value, tuple):
+            super().illuminate(scene, light, p, branch)
+            return
+        system, cover = branch.value
+        r = scene.readings
+        if cover == "scattering":
+            hit = np.ones(len(r.case.tests), bool) if system is None else r.system == system
+            _scatter(scene, light, hit, float(p[0]), float(p[1]))
+            return
+        if cover == "pane":
+            beam, sky = _through(p[0], np.cos(scene.sun_zenith_at))
+        else:
+            beam = np.full(len(r), (1.0 - p[0]) ** _DOME_SLANT)
+            sky = (1.0 - float(p[0])) ** _DOME_SLANT
+        rows = np.ones(len(r), bool) if system is None else r.system[r.test] == system
+        light.sun_factor = np.where(rows, light.sun_factor * beam, light.sun_factor)
+        light.sky_factor = np.where(rows, light.sky_factor * sky, light.sky_factor)
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say how much."""
+        said = f"Dirt on the skylight ({branch.label}) takes {p[0]:.1%} at normal incidence and more at grazing"
+        return f"{said}; {p[1]:.0%} of that goes on, scattered." if len(p) > 1 else f"{said}."
+
+
+def _through(loss: float, cosine: Floats) -> tuple[Floats, float]:
+    """What dirt leaves of a beam at incidences of some cosine (N,), and of a uniform sky."""
+    beam = (1.0 - loss) ** (1.0 / np.maximum(cosine, 0.1))
+    return np.asarray(beam), 2.0 * float(expn(3, -np.log1p(-loss)))  # ∫ 2 μ exp(-τ/μ) dμ = 2 E₃(τ)
+
+
+def _scatter(scene: Scene, light: Light, hit: NDArray[np.bool_], loss: float, share: float) -> None:
+    """Take light from the tests (T,) that are hit; of what is taken, a share comes in as the sky's light does."""
+    r = scene.readings
+    beam, sky = _through(loss, np.sin(np.radians(r.altitude_deg)))
+    like_sky = (scene.beam_lx / np.maximum(r.diffuse_lx, 1e-9) * share * (1.0 - beam))[:, None, None] * light.sky
+    here = hit[:, None, None]
+    light.sun = np.where(here, beam[:, None, None] * light.sun + like_sky, light.sun)
+    light.sky = np.where(here, (sky + share * (1.0 - sky)) * light.sky, light.sky)
