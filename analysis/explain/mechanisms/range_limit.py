@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage, Term, told
-from analysis.explain.mechanisms.roof_meters import acts_on, roof_channels
+from analysis.explain.mechanisms.roof_meters import of_channel, roof_channels
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 
@@ -41,7 +41,7 @@ class MeterRangeLimit(Mechanism):
         """Each meter, with a hard or a soft end."""
         found = []
         for way in roof_channels(scene):
-            facts = {"top": float(np.max(scene.readings.simulated[acts_on(scene, way)]))}
+            facts = {"top": float(np.max(scene.readings.simulated[of_channel(scene, way.value)]))}
             found.append(replace(way, facts=facts))
             for form in ("gradual", "exponential", "knee"):
                 found.append(Branch(f"{way.label}, {form}", (way.value, form), facts))
@@ -57,11 +57,11 @@ class MeterRangeLimit(Mechanism):
         """Cut or compress the meter's readings towards the end of its range."""
         top = branch.facts["top"]
         if not isinstance(branch.value, tuple):
-            return np.where(acts_on(scene, branch), np.minimum(values, top / (1.0 + p[0])), values)
+            return np.where(of_channel(scene, branch.value), np.minimum(values, top / (1.0 + p[0])), values)
         channel, form = branch.value
         if p[0] <= 0.0:
             return values
-        acts = scene.is_roof & (scene.readings.channel == channel) & (values > 0)
+        acts = of_channel(scene, channel) & (values > 0)
         return np.where(acts, _compressed(np.maximum(values, 0.0), top / float(p[0]), form, *p[1:]), values)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:

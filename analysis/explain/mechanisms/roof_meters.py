@@ -18,7 +18,7 @@ _ALL = -1
 
 
 def roof_channels(scene: Scene) -> tuple[Branch, ...]:
-    """The whole roof, and each meter alone where there are several; or the roof behind a goniometer's simulation."""
+    """Each meter of the roof; or, where none was recorded, the one behind a goniometer's simulation."""
     r = scene.readings
     if not np.any(scene.is_roof):
         return (Branch("the global illuminance meter"),)
@@ -32,12 +32,8 @@ def _heads(scene: Scene) -> tuple[Branch, ...]:
     return (*ways, Branch("every roof meter", _ALL)) if len(ways) > 1 else ways
 
 
-def acts_on(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
-    """Rows (N,) of the meter, or the meters, that a way is about."""
-    return _of_channel(scene, branch.value)
-
-
-def _of_channel(scene: Scene, channel: int) -> NDArray[np.bool_]:
+def of_channel(scene: Scene, channel: int) -> NDArray[np.bool_]:
+    """Roof rows (N,) of one meter, by its channel's index, or of all meters."""
     mine = scene.is_roof if channel == _ALL else scene.is_roof & (scene.readings.channel == channel)
     return np.asarray(mine)
 
@@ -106,7 +102,7 @@ class MeterTilt(Mechanism):
             light.sun_factor = light.sun_factor * _beam_error(scene, beam, even)
             return
         sky = np.maximum(even + np.sin(tilt) * towards * scene.sky_flux.sunward, 0.0)
-        acts = acts_on(scene, branch)
+        acts = of_channel(scene, branch.value)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * sky, light.sky_factor)
 
@@ -209,7 +205,7 @@ class MeterCosine(Mechanism):
             light.sun_factor = light.sun_factor * _beam_error(scene, beam, sky)
             return
         skies = np.maximum(1.0 + p[0] * (scene.sky_flux.rings @ rings), 0.05)
-        acts = _of_channel(scene, channel)
+        acts = of_channel(scene, channel)
         light.sun_factor = np.where(acts, light.sun_factor * beam, light.sun_factor)
         light.sky_factor = np.where(acts, light.sky_factor * skies, light.sky_factor)
 
