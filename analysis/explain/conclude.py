@@ -169,7 +169,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else NAME_SECOND
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
     (new,) = set(best.ids) - set(base.ids)
-    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain)
+    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None

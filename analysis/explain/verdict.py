@@ -157,11 +157,13 @@ def temper(gain: float, nat: float = TEMPER) -> float:
     return nat * float(np.sqrt(max(gain, 1.0)))
 
 
-def share_of(best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float) -> float:
+def share_of(
+    best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float, nat: float = TEMPER
+) -> float:
     """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate."""
     (new,) = set(best.ids) - set(base.ids)
     others = [h.evidence for h in candidates if not (set(h.ids) - set(base.ids)) & {new, *doubles(new)}]
-    return float(expit((best.evidence - max(others, default=base.evidence)) / temper(gain)))
+    return float(expit((best.evidence - max(others, default=base.evidence)) / temper(gain, nat)))
 
 
 def name_the_sure(found: Conclusion) -> bool:
@@ -243,19 +245,19 @@ def _probabilities(found: Conclusion) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
+    nothing = ((EVEN if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
         left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
-        even = EVEN if found.one_instrument else 0.0
-        nearest = max(*rivals.values(), (found.law_alone - top) / nats, (even - top) / nats)
+        law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
+        nearest = max(*rivals.values(), law / nats, nothing)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
-    share = {key: float(np.exp(r - np.logaddexp.reduce([-top / nats, *rivals.values()]))) for key, r in rivals.items()}
+    share = {key: float(np.exp(r - np.logaddexp.reduce([nothing, *rivals.values()]))) for key, r in rivals.items()}
     ranked = sorted(share, key=lambda key: -share[key])[:5]
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
     if ids:
         near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < SURE]
-        found.indistinguishable += [
-            (ids[0], other) for other in (*_doubles_here(ids[0], alone), *near) if other in alone
-        ]
+        first = found.best.first
+        found.indistinguishable += [(first, other) for other in (*_doubles_here(first, alone), *near) if other in alone]
         found.indistinguishable += found.best.tied
