@@ -107,7 +107,7 @@ class Nuisance:
     def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
-        self._gains = self._sensor_gains()
+        self._gains = np.concatenate([self._sensor_gains(), _split_errors(readings)], axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
 
@@ -144,3 +144,23 @@ class Nuisance:
     def whitener(self, hyper: Hyper) -> Whitener:
         """The covariance at some sizes."""
         return self.factored(hyper).whitener(hyper.lens)
+
+
+def _split_errors(r: Readings) -> Floats:
+    """Columns (N, K): a roof meter that was off in one test had the simulated beam too bright, or beam and sky.
+
+    The simulation's beam is what a test's global reading has more than its diffuse one, so errors of both meters grow
+    in it: by half where the sun is high and clear, threefold where it stands low in haze.
+    """
+    columns = [np.zeros((len(r), 0))]
+    beam = r.global_lx - r.diffuse_lx
+    relative = 1.0 / np.hypot(r.simulated, r.floor)
+    loud = np.abs(r.measured) / r.scale
+    for k in np.unique(r.test[r.kind == GONIOMETER]):
+        if not beam[k] > 0.02 * r.diffuse_lx[k]:
+            continue
+        rows = (r.test == k) & (r.kind == GONIOMETER)
+        sun, sky = (np.where(rows, np.nan_to_num(part) * relative, 0.0) for part in (r.sun, r.sky))
+        parts = [r.global_lx[k] / beam[k] * sun, sky - r.diffuse_lx[k] / beam[k] * sun]
+        columns.append(GAIN_OF_METERS * loud[:, None] * np.stack(parts, axis=1))
+    return np.concatenate(columns, axis=1)
