@@ -108,26 +108,34 @@ class Nonlinearity(Mechanism):
     range_at = Parameter(
         "range_at", "1", "ln of the level at which ranges change, over the middle level", -3.0, 3.0, 1.2, (0.0,)
     )
+    gradual = replace(step, sigma=0.1, starts=(-0.1, 0.1))
+    over = Parameter("over", "1", "ln of the levels over which the response changes", 0.2, 4.0, 0.8, (0.6, 1.6), 1.0)
     true_at = Parameter(
         "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
     )
     source = (
-        "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y (1 + s) in the upper range; "
+        "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y (1 + s) in the upper range, reached "
+        "at once or over a factor of light; "
         "CIE/ISO 19476 f3 (linearity), f11 (range change)"
     )
     tie_breaker = "the same readings once more through a neutral filter"
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A power, a bend or a step, of one kind of instrument."""
+        """A power, a bend or a step, of one kind of instrument; on the arm also a step that takes its time."""
         powers = _with_level(scene)
-        forms = (("bent", ", bent"), ("ranges", ", by ranges"))
-        return (*powers, *(Branch(b.label + words, (b.value, form), b.facts) for form, words in forms for b in powers))
+        forms = (("bent", ", bent"), ("ranges", ", by ranges"), ("gradual", ", from one response to another"))
+        ways = [(b, form, words) for form, words in forms for b in powers]
+        ways = [w for w in ways if w[1] != "gradual" or w[0].value == "goniometer"]
+        return (*powers, *(Branch(b.label + words, (b.value, form), b.facts) for b, form, words in ways))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Those of the form; a single meter was calibrated at some level that nobody knows."""
         if isinstance(branch.value, tuple):
-            return (self.bend,) if branch.value[1] == "bent" else (self.step, self._range_within(scene, branch))
+            if branch.value[1] == "bent":
+                return (self.bend,)
+            within = self._range_within(scene, branch)
+            return (self.step, within) if branch.value[1] == "ranges" else (self.gradual, within, self.over)
         return self.parameters if branch.value == "goniometer" else (self.response, self.true_at)
 
     def _range_within(self, scene: Scene, branch: Branch) -> Parameter:
@@ -145,7 +153,8 @@ class Nonlinearity(Mechanism):
             return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
         level = branch.facts["level"] * (np.exp(p[1]) if len(p) > 1 else 1.0)
         beyond = np.log(np.maximum(values, 1e-9 * level) / level)
-        factor = np.exp(p[0] * beyond) if form == "power" else 1.0 + p[0] * expit(2.0 * beyond / _CHANGE_OVER)
+        over = p[2] if form == "gradual" else _CHANGE_OVER
+        factor = np.exp(p[0] * beyond) if form == "power" else 1.0 + p[0] * expit(2.0 * beyond / over)
         return np.where(acts, values * factor, values)
 
     def statement(self, p: Floats, branch: Branch) -> str:
@@ -154,6 +163,7 @@ class Nonlinearity(Mechanism):
         ways = {
             "bent": f"is not proportional: the brightest reading is {p[0]:+.1%} off",
             "ranges": f"changes with the range: in the upper one readings are {p[0]:+.1%} off",
+            "gradual": f"changes between dim and bright light: bright readings are {p[0]:+.1%} off",
             "power": f"grows as the {1 + p[0]:.3f}th power of the light instead of in proportion",
         }
         return f"The response of {branch.label} {ways[form]}."
@@ -179,7 +189,11 @@ class Saturation(Mechanism):
     knee = Parameter(
         "slope", "1", "share of the sensitivity that is left beyond", 0.0, 1.0, 0.4, (0.2, 0.6), centre=0.3
     )
-    source = "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), min(y, Y) (converter's end), Y + s (y-Y) (amplifier's knee)"
+    sharpness = Parameter("sharpness", "1", "n: how suddenly the end comes", 1.2, 20.0, 4.0, (2.0, 5.0), centre=4.0)
+    source = (
+        "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), y/(1+(y/Y)^n)^(1/n), min(y, Y) (converter's end), Y + s (y-Y) "
+        "(amplifier's knee)"
+    )
     tie_breaker = "the same readings once more through a neutral filter"
     kinds = _ALL
 
@@ -189,12 +203,13 @@ class Saturation(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Forms of the end, for one kind of instrument."""
-        forms = ("gradual", "exponential", "clipped", "knee")
+        forms = ("gradual", "exponential", "rounded", "clipped", "knee")
         return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in _with_level(scene) for f in forms)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Beyond a knee, something is left."""
-        return (*self.parameters, self.knee) if branch.value[1] == "knee" else self.parameters
+        """Beyond a knee, something is left; a rounded end comes more or less suddenly."""
+        further = {"knee": (self.knee,), "rounded": (self.sharpness,)}
+        return (*self.parameters, *further.get(branch.value[1], ()))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Compress towards the end of the range."""
@@ -208,6 +223,8 @@ class Saturation(Mechanism):
             read = end * share / (1.0 + share)
         elif form == "exponential":
             read = end * -np.expm1(-share)
+        elif form == "rounded":
+            read = end * share / (1.0 + share ** p[1]) ** (1.0 / p[1])
         else:
             read = end * (np.minimum(share, 1.0) + (p[1] * np.maximum(share - 1.0, 0.0) if form == "knee" else 0.0))
         return np.where(acts & (values > 0), read, values)
