@@ -17,6 +17,8 @@ _DOME_SLANT = 1.3
 class Soiling(Retraced):
     """Dirt takes light, the more the more grazing it comes."""
 
+    like_a_lens = True
+
     id = "soiling"
     stage = Stage.OPTICS
     leaves_out = "Dirt on the skylight takes light, more at grazing incidence."
@@ -30,7 +32,7 @@ class Soiling(Retraced):
     scattered = Parameter(
         "scattered_on", "1", "share of what dirt takes that goes on scattered", 0.0, 0.95, 0.25, (0.2, 0.6), centre=0.4
     )
-    form_error = 0.2  # dirt is not even, nor alike at all angles
+    form_error = 0.4  # dirt is not even, nor alike at all angles, nor is it told how it scatters
     tie_breaker = "the same sky before and after cleaning"
 
     def why_not(self, scene: Scene) -> str:
