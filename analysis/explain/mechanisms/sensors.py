@@ -153,7 +153,7 @@ class Nonlinearity(Mechanism):
             return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
         level = branch.facts["level"] * (np.exp(p[1]) if len(p) > 1 else 1.0)
         beyond = np.log(np.maximum(values, 1e-9 * level) / level)
-        over = p[2] if form == "gradual" else _CHANGE_OVER
+        over = max(float(p[2]), 1e-3) if form == "gradual" else _CHANGE_OVER
         factor = np.exp(p[0] * beyond) if form == "power" else 1.0 + p[0] * expit(2.0 * beyond / over)
         return np.where(acts, values * factor, values)
 

@@ -84,6 +84,16 @@ def ranges(step: float, above_cd: float) -> Truth:
     return lambda rows: light(rows) * (1.0 + np.interp(np.log(light(rows) / above_cd), [-0.15, 0.15], [0.0, step]))
 
 
+def gradual(step: float, about_cd: float, over: float) -> Truth:
+    """From one response to another, half way at a level: a hyperbolic tangent of the light's logarithm."""
+    return lambda rows: light(rows) * (1.0 + 0.5 * step * (1.0 + np.tanh(np.log(light(rows) / about_cd) / over)))
+
+
+def rounded(end_cd: float, sharpness: float) -> Truth:
+    """Both ends of the response by one norm: what is small adds up with what is large as powers do."""
+    return lambda rows: (light(rows) ** -sharpness + end_cd**-sharpness) ** (-1.0 / sharpness)
+
+
 def dead_time(end_cd: float) -> Truth:
     return lambda rows: 1.0 / (1.0 / light(rows) + 1.0 / end_cd)
 

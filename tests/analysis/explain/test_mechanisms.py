@@ -45,6 +45,7 @@ def acted(scene: Scene, mechanism: str, way: str, *theta: float) -> Floats:
 
 
 SENSORS = "the goniometer's sensors"
+LATE = effects.gradual(0.2, MIDDLE * np.exp(0.4), 1.3)
 # The last number is the largest error allowed, relative to the reading (to a fiftieth of the test's top in the dark).
 # Closed forms are exact. Where fields are read between the nodes of a grid of 2.5° x 5°, linear interpolation errs by
 # (step² / 8) x curvature: up to 1 % on images 16° wide; near the horizon, where intensity falls as a power, by 5 %.
@@ -63,6 +64,8 @@ ON_THE_ARM = [
     ("nonlinearity", SENSORS, (0.05,), effects.power(0.05, MIDDLE), 1e-6),
     ("nonlinearity", f"{SENSORS}, bent", (-0.3,), effects.bend(-0.3, BASE.max()), 1e-6),
     ("nonlinearity", f"{SENSORS}, by ranges", (0.05, 0.5), effects.ranges(0.05, MIDDLE * np.exp(0.5)), 0.008),
+    ("nonlinearity", f"{SENSORS}, from one response to another", (0.2, 0.4, 1.3), LATE, 1e-6),
+    ("saturation", f"{SENSORS}, rounded", (0.8, 5.0), effects.rounded(BASE.max() / 0.8, 5.0), 1e-6),
     ("saturation", f"{SENSORS}, gradual", (0.3,), effects.dead_time(BASE.max() / 0.3), 1e-6),
     ("saturation", f"{SENSORS}, clipped", (1.5,), effects.cut(BASE.max() / 1.5), 1e-6),
     ("saturation", f"{SENSORS}, knee", (2.0, 0.3), effects.knee(BASE.max() / 2.0, 0.3), 1e-6),
