@@ -107,7 +107,7 @@ class Nuisance:
     def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
-        self._gains = np.concatenate([self._sensor_gains(), _split_errors(readings)], axis=1)
+        self._gains = np.concatenate([self._sensor_gains(), split_errors(readings)], axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
 
@@ -146,8 +146,8 @@ class Nuisance:
         return self.factored(hyper).whitener(hyper.lens)
 
 
-def _split_errors(r: Readings) -> Floats:
-    """Columns (N, K): a roof meter that was off in one test had the simulated beam too bright, or beam and sky.
+def split_errors(r: Readings) -> Floats:
+    """Effects (N, K) of a roof meter that was off in one test: it had the simulated beam too bright, or beam and sky.
 
     The simulation's beam is what a test's global reading has more than its diffuse one, so errors of both meters grow
     in it: by half where the sun is high and clear, threefold where it stands low in haze.
