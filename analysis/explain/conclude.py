@@ -5,7 +5,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
-from analysis.explain.mechanisms.base import predict
+from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
@@ -57,7 +57,8 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+    above = any(t.mechanism.stage < Stage.OPTICS for t in h.fit.terms) and not found.one_instrument
+    if above or any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_LENS
     return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW
 

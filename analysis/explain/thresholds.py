@@ -15,7 +15,8 @@ NAME_FIRST_BELOW = 10.0
 NAME_FIRST_RANDOM = 20.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
 NAME_FIRST_LENS = 24.0
-"""The same for what looks like a lens simulated a little wrong."""
+"""The same for what looks like a lens simulated a little wrong; below a skylight also for what makes one test's sun
+brighter or dimmer than another's, as a lens does whose error depends on where the sun stands."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
