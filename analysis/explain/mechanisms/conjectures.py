@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
@@ -198,4 +199,5 @@ CONJECTURES: tuple[Mechanism, ...] = (
     WarmingSensors(),
     TintedSensors(),
     Sluggish(),
+    Shaded(),
 )

@@ -38,7 +38,8 @@ def of_channel(scene: Scene, channel: int) -> NDArray[np.bool_]:
     return np.asarray(mine)
 
 
-def _why_no_sun(scene: Scene) -> str:
+def why_no_sun(scene: Scene) -> str:
+    """Why the beam on each row is not known; empty when it is."""
     r = scene.readings
     if not r.has_parts:
         return "the records do not give the sun and sky parts apart"
@@ -83,7 +84,7 @@ class MeterTilt(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """The tilt shows against the sun's direction."""
-        return _why_no_sun(scene)
+        return why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, and all together."""
@@ -138,7 +139,7 @@ class MeterGain(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """On a goniometer it acts through the split of the parts."""
-        return "" if scene.kinds != ("goniometer",) or scene.knows_split else _why_no_sun(scene)
+        return "" if scene.kinds != ("goniometer",) or scene.knows_split else why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter; luminance meters count as well."""
@@ -186,7 +187,7 @@ class MeterCosine(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """The error depends on the sun's angle."""
-        return _why_no_sun(scene)
+        return why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, with a diffuser that is wrong or a rim that shades it."""

@@ -42,14 +42,14 @@ def cloud(moment_ns: Floats, per_root_min: float) -> Floats:
     return np.asarray(1.0 / (1.0 + np.exp(-np.interp(t + 100.0, np.arange(len(walk)), walk - walk.mean()))))
 
 
-def series(folder: Path, late_s: float = 0.0, per_root_min: float = 0.3, gain: float = 1.0) -> Case:
+def series(folder: Path, late_s: float = 0.0, per_root_min: float = 0.3, gain: float | Floats = 1.0) -> Case:
     """A meter whose clock is wrong, beside a true one; noise of a third of a per cent on each."""
     rng = np.random.default_rng(8)
     light, parts = [], None
     for late in (0.0, late_s):
         at = moments(late)
         table = CaseFile.model_validate({"format": "labdaq-case/1", "site": SITE, **_facts()})
-        altitude = _altitude(at)
+        altitude, _ = _sun(at)
         beam, sky = beam_and_sky(altitude)
         beam = beam * cloud(at, per_root_min)
         parts = parts or (beam, sky)
@@ -83,11 +83,12 @@ def _facts() -> dict[str, object]:
     }  # fmt: skip
 
 
-def _altitude(moment_ns: Floats) -> Floats:
+def _sun(moment_ns: Floats) -> tuple[Floats, Floats]:
     from analysis.sky.sun import Site, sun_position
 
     place = Site(SITE["latitude_deg"], SITE["longitude_deg"], SITE["elevation_m"])
-    return np.asarray(sun_position(moment_ns.astype(np.int64), place).altitude_deg)
+    seen = sun_position(moment_ns.astype(np.int64), place)
+    return np.asarray(seen.altitude_deg), np.asarray(seen.azimuth_deg)
 
 
 def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> None:
@@ -103,6 +104,17 @@ def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> N
 def test_two_true_clocks_are_left_alone(tmp_path: Path) -> None:
     """The prediction's own noise must not look like an offset: interpolating it away would gain."""
     assert answer(explain(series(tmp_path / "case")))["verdict"] == "no-mismatch"
+
+
+def test_a_rail_in_the_beam_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
+    altitude, azimuth = _sun(moments())
+    beam, sky = beam_and_sky(altitude)
+    taken = 0.3 * np.clip(1.0 - np.abs(azimuth - 235.0) / 15.0, 0.0, 1.0) * beam / (beam + sky)
+    content = answer(explain(series(tmp_path / "case", per_root_min=0.05, gain=1.0 - taken)))
+    assert content["verdict"] == "unexplained" and content["mechanisms"] == []
+    best = max(content["unnamed"], key=lambda u: float(u["nats"]))
+    assert best["along"] == "shaded beam" and best["nats"] > 25.0
+    assert content["mismatch"], "what differs is located"
 
 
 def test_a_gain_is_not_taken_for_a_clock(tmp_path: Path) -> None:
@@ -144,9 +156,7 @@ def test_a_clock_takes_no_noise_off_a_prediction(tmp_path: Path, minutes: float)
     case = series(tmp_path / "case", per_root_min=0.0)
     scene = Scene(Readings.of(case))
     (way,) = [t for t in terms_of(ClockOffset(), scene) if t.branch.value == "series"]
-    true, later = (
-        np.array([0.5, 1.0]) @ np.stack(beam_and_sky(_altitude(moments(s)))) for s in (0.0, minutes * STEP_S)
-    )
+    true, later = (np.array([0.5, 1.0]) @ np.stack(beam_and_sky(_sun(moments(s))[0])) for s in (0.0, minutes * STEP_S))
     moved = predict(scene, (way,), np.array([minutes * STEP_S / 60.0]))
     inner = np.tile((np.arange(COUNT) >= 5) & (np.arange(COUNT) < COUNT - 5), len(DAYS))
     before, after = np.std((scene.readings.simulated / true)[inner]), np.std((moved / later)[inner])
