@@ -182,7 +182,7 @@ def name_the_sure(found: Conclusion) -> bool:
     without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
-    left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
+    left = max(found.unnamed[0].gain, 0.0) if found.unnamed and set(likeliest) == set(ids) else 0.0
     sure = RELIABLE * float(expit((evidence - without[surest] - LEFT_OVER * left) / nats))
     if alone is None or (surest == found.best.first and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
