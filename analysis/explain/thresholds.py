@@ -8,7 +8,7 @@ from analysis.explain.hypers import Hyper
 
 NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
-EVEN = 13.0
+EVEN = 8.0
 """Of one instrument, a first name that beats "nothing" by this is as likely wrong as right."""
 NAME_FIRST_BELOW = 10.0
 """The same below a skylight, where no simulated lens is quite right."""

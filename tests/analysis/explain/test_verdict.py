@@ -168,7 +168,7 @@ def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
 
 def test_what_was_there_first_is_weighed_against_nothing(picture: Scene) -> None:
     """Two that are each sure beside the other may both be nothing: neither tells much alone."""
-    weak, other = _hypothesis(picture, 10.0, "meter-gain"), _hypothesis(picture, 6.0, "vignetting")
+    weak, other = _hypothesis(picture, 8.5, "meter-gain"), _hypothesis(picture, 6.0, "vignetting")
     found = Conclusion(weak, _hypothesis(picture, 0.0), [weak, other], one_instrument=True, nat=TEMPER_ONE)
     found.best = _hypothesis(picture, 26.0, "meter-gain", "vignetting")
     found.best.added_to = "meter-gain"
