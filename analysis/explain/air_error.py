@@ -36,8 +36,9 @@ def air_error_effects(scene: Scene) -> Floats:
     apart = np.isfinite(r.sun) & np.isfinite(r.sky)
     beam = np.where(apart, r.sun, r.simulated) / total
     lost = beam * air_mass(np.maximum(np.nan_to_num(r.sun_altitude_at_deg, nan=90.0), 3.0))
-    parts = [USUAL * beam, USUAL * np.where(apart, r.sky, 0.0) / total, OF_THE_AIR * lost]
+    parts = [USUAL * beam, OF_THE_AIR * lost]
+    if np.any(apart):
+        parts.append(USUAL * np.where(apart, r.sky, 0.0) / total)
     columns = [np.where(day == k, part, 0.0) for part in parts for k in days]
     columns.append(np.where(scene.is_roof, OF_THE_AIR * lost, 0.0))
-    loud = np.abs(r.measured) / r.scale
-    return np.stack([loud * c for c in columns if np.any(c)], axis=1)
+    return np.stack(columns, axis=1) * (np.abs(r.measured) / r.scale)[:, None]

@@ -124,10 +124,9 @@ class Nonlinearity(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """A power, a bend or a step, of one kind of instrument; on the arm also a step that takes its time."""
         powers = _with_level(scene)
-        forms = (("bent", ", bent"), ("ranges", ", by ranges"), ("gradual", ", from one response to another"))
-        ways = [(b, form, words) for form, words in forms for b in powers]
-        ways = [w for w in ways if w[1] != "gradual" or w[0].value == "goniometer"]
-        return (*powers, *(Branch(b.label + words, (b.value, form), b.facts) for b, form, words in ways))
+        forms = {"bent": "bent", "ranges": "by ranges", "gradual": "from one response to another"}
+        ways = [(b, form) for form in forms for b in powers if form != "gradual" or b.value == "goniometer"]
+        return (*powers, *(Branch(f"{b.label}, {forms[form]}", (b.value, form), b.facts) for b, form in ways))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Those of the form; a single meter was calibrated at some level that nobody knows."""
