@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 from analysis.cases import Case
 from analysis.cases.model import Floats, Ints
 from analysis.cases.units import IN_LAB_UNITS
+from analysis.explain.roof_parts import sun_part
 from labdaq.clock import utc_ns_of
 
 GONIOMETER, ROOF, SKY = "goniometer", "roof", "sky"
 """The three kinds of channel: the arm below, an illuminance meter on the roof, a luminance reading of the sky."""
+
+_DAY_NS = 86_400_000_000_000
 
 _KIND = {"goniometer": GONIOMETER, "illuminance-meter": ROOF, "luminance-meter": SKY, "camera": SKY}
 
@@ -71,15 +74,19 @@ class Readings:
         return made._with_parts_of_tests()
 
     def _with_parts_of_tests(self) -> "Readings":
-        """Roof rows without parts get those of their test's global and diffuse illuminance, where these are known.
-
-        A meter whose prediction is nearer to the diffuse than to the global illuminance is a shaded one.
-        """
-        total, diffuse = self.global_lx[self.test], self.diffuse_lx[self.test]
-        open_to_sun = np.abs(self.simulated - total) <= np.abs(self.simulated - diffuse)
-        sun = self.simulated * np.where(open_to_sun, np.clip(1.0 - diffuse / total, 0.0, 1.0), 0.0)
-        fill = (self.kind == ROOF) & np.isnan(self.sun) & np.isfinite(sun)
-        return replace(self, sun=np.where(fill, sun, self.sun), sky=np.where(fill, self.simulated - sun, self.sky))
+        """Roof rows without parts get those that their test's global and diffuse illuminance tell."""
+        fill = (self.kind == ROOF) & np.isnan(self.sun)
+        if not np.any(fill):
+            return self
+        rows = self.only(fill)
+        tests = tuple(facts[rows.test] for facts in (self.global_lx, self.diffuse_lx, self.altitude_deg))
+        days = (rows.utc_ns // _DAY_NS).astype("datetime64[D]")
+        day_of_year = (days - days.astype("datetime64[Y]")).astype(np.int64) + 1
+        series = rows.test * len(self.case.channels) + rows.channel
+        sun, sky = self.sun.copy(), self.sky.copy()
+        sun[fill] = sun_part(rows.simulated, series, rows.sun_altitude_at_deg, day_of_year, tests)
+        sky[fill] = rows.simulated - sun[fill]
+        return replace(self, sun=sun, sky=sky)
 
     def __len__(self) -> int:
         return len(self.row)
