@@ -75,7 +75,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     findings = forensics(Readings.of(case))
     scene = scene_of(case, simulator)
     readings = scene.readings
-    if scene.sun_share is not None:
+    if scene.sky_part is not None:
         findings.append("The records do not give the predicted sun and sky parts apart; our own simulation split them.")
     fitter = Fitter(scene)
     progress("locating the mismatch")

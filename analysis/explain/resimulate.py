@@ -17,6 +17,9 @@ from analysis.explain.tracing import AUREOLES_DEG, Field, Tracing, systems_of
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field as TallyField
 
+FEW_RAYS = 30_000
+"""Rays for each sun and sky where only the sky's smooth part is asked for."""
+
 
 def simulator_of(case: Case) -> "OwnSimulation | None":
     """A simulator for the case; ``None`` where no system is described, or no sun is known."""
@@ -37,8 +40,8 @@ class Retracings:
         Sun part (T, P, G) over that of the disc alone, for no aureole and for `AUREOLES_DEG`.
     near
         Near over far field of both parts, (T, P, G) each.
-    sun_share
-        Sun part over both, as predicted, (T, P, G); NaN in tests that cannot be traced.
+    sky_part
+        The predicted sky part (T, P, G) [cd] as told from the sum; NaN in tests that cannot be traced.
     systems
         What was traced: the case's systems with lenses like the prediction's.
     """
@@ -46,7 +49,7 @@ class Retracings:
     paths: dict[str, tuple[Path, ...]]
     aureoles: list[Floats]
     near: Field
-    sun_share: Floats
+    sky_part: Floats
     systems: Mapping[str, System]
 
 
@@ -61,8 +64,9 @@ class OwnSimulation:
     def made(self) -> Retracings:
         """All of it, traced in one go."""
         traced = Tracing(self.case, _likened(self.case, self.systems))
+        predicted = fields_of(Readings.of(self.case, measured_only=False)).total
         return Retracings(
-            paths_of(traced), traced.aureoles(), traced.near_over_far(), traced.sun_share(), traced.systems
+            paths_of(traced), traced.aureoles(), traced.near_over_far(), traced.sky_part(predicted), traced.systems
         )
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
@@ -80,9 +84,9 @@ class OwnSimulation:
         """See `analysis.explain.retrace.Simulator.near_field`."""
         return self.made.near
 
-    def sun_share(self) -> Floats | None:
-        """See `analysis.explain.retrace.Simulator.sun_share`."""
-        return self.made.sun_share
+    def sky_part(self) -> Floats | None:
+        """See `analysis.explain.retrace.Simulator.sky_part`."""
+        return self.made.sky_part
 
     def traced_systems(self) -> Mapping[str, System]:
         """See `analysis.explain.retrace.Simulator.traced_systems`."""
@@ -90,15 +94,16 @@ class OwnSimulation:
 
 
 def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, System]:
-    """The systems with lenses like the prediction's, where it gives the sun part apart."""
-    readings = Readings.of(case, measured_only=False)
-    if not readings.has_parts or case.setup.goniometer is None:
+    """The systems with lenses like the prediction's; where it gives only the sum, the sky's part is taken off first."""
+    if case.setup.goniometer is None:
         return dict(systems)
-    seen = fields_of(readings).sun
+    readings = Readings.of(case, measured_only=False)
+    given, tracing = fields_of(readings), Tracing(case, systems)
+    seen = given.sun if readings.has_parts else np.maximum(given.total - tracing.sky_part(given.total, FEW_RAYS), 0.0)
     field: TallyField = "near" if case.setup.simulation.field == "near" else "far"
     distance_m = case.setup.goniometer.distance_m
     predicted = {
         name: Predicted([day for _, day in days], seen[[k for k, _ in days]], distance_m, field)
-        for name, days in Tracing(case, systems).days.items()
+        for name, days in tracing.days.items()
     }
     return likened(systems, predicted)

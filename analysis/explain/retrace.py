@@ -65,8 +65,8 @@ class Simulator(Protocol):
         """Ratio (T, P, G) of near to far intensity of both parts."""
         ...
 
-    def sun_share(self) -> Floats | None:
-        """Share (T, P, G) of the sun part in both; NaN in tests that it cannot trace."""
+    def sky_part(self) -> Floats | None:
+        """The predicted sky part (T, P, G) [cd], where only the sum is given; NaN in tests that it cannot trace."""
         ...
 
     def traced_systems(self) -> Mapping[str, System]:

@@ -18,6 +18,9 @@ from labdaq import directions
 
 _TRUST = (0.2, 5.0)  # how far a record's own prediction may differ from the field read at its direction
 
+_MOST = 0.98
+"""Share of the sum that our own simulation's sky part can have."""
+
 
 @dataclass
 class Light:
@@ -55,15 +58,15 @@ def scene_of(case: Case, simulator: Simulator | None = None, *, measured_only: b
     readings = Readings.of(case, measured_only=measured_only)
     retraced = retraced_of(case, simulator)
     whole = (readings.kind == GONIOMETER) & ~(np.isfinite(readings.sun) & np.isfinite(readings.sky))
-    share = simulator.sun_share() if simulator is not None and np.any(whole) else None
-    if share is None:
+    part = simulator.sky_part() if simulator is not None and np.any(whole) else None
+    if part is None:
         return Scene(readings, retraced)
-    split = Sampler(readings.test, np.nan_to_num(readings.gamma_deg), np.nan_to_num(readings.c_deg))(share)
-    if not np.all(np.isfinite(split[whole])):  # a system that cannot be traced
+    there = Sampler(readings.test, np.nan_to_num(readings.gamma_deg), np.nan_to_num(readings.c_deg))(part)
+    if not np.all(np.isfinite(there[whole])):  # a system that cannot be traced
         return Scene(readings, retraced)
-    sun = np.where(whole, readings.simulated * split, readings.sun)
-    sky = np.where(whole, readings.simulated - sun, readings.sky)
-    return Scene(replace(readings, sun=sun, sky=sky), retraced, share)
+    sky = np.where(whole, np.minimum(there, _MOST * readings.simulated), readings.sky)
+    sun = np.where(whole, readings.simulated - sky, readings.sun)
+    return Scene(replace(readings, sun=sun, sky=sky), retraced, part)
 
 
 @dataclass(frozen=True)
@@ -74,13 +77,13 @@ class Scene:
     ----------
     retraced
         The case's variants and our own re-simulations; ``None`` where neither can be had.
-    sun_share : shape (T, P, G)
-        The sun part's share by our own simulation, where the case gives only the sum of both.
+    sky_part : shape (T, P, G) [cd]
+        The sky part by our own simulation, where the case gives only the sum of both.
     """
 
     readings: Readings
     retraced: Retraced | None = None
-    sun_share: Floats | None = None
+    sky_part: Floats | None = None
     memory: dict[object, Floats] = field(default_factory=dict)
 
     def remember(self, work: Callable[["Scene"], Floats]) -> Floats:
@@ -93,11 +96,11 @@ class Scene:
     def fields(self) -> Fields:
         """Predicted fields of every test."""
         given = fields_of(self.readings)
-        if self.sun_share is None:
+        if self.sky_part is None:
             return given
         whole = ~np.any(given.sky, axis=(1, 2), keepdims=True)
-        sun = np.where(whole, given.sun * self.sun_share, given.sun)
-        return Fields(sun, given.total - sun)
+        sky = np.where(whole, np.minimum(np.nan_to_num(self.sky_part), _MOST * given.sun), given.sky)
+        return Fields(given.total - sky, sky)
 
     @cached_property
     def is_gonio(self) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.readings import sun_at
 from analysis.simulate.changes import Change, lenses_of
 from analysis.simulate.daylight import Daylight, daylight
@@ -40,8 +40,7 @@ MORE_RAYS: Final = 320_000
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
-"""Share of the brightest direction below which a ratio is drawn towards the usual one, and the sun's share towards that
-of the flux."""
+"""Share of the brightest direction below which a ratio is drawn towards the usual one."""
 _FEW: Final = 0.05
 """The same share of a gamma's mean over C: there the rays are few."""
 _HARDLY_ANY: Final = 1e-4
@@ -90,7 +89,11 @@ class Tracing:
     @cached_property
     def precise(self) -> dict[str, VariantSet]:
         """The systems as they are with more rays, for what their bounces tell: there, no rays are shared."""
-        return {name: self.trace(name, [d for _, d in days], rays=MORE_RAYS) for name, days in self.days.items()}
+        return {name: self.plain(name, MORE_RAYS) for name in self.days}
+
+    def plain(self, name: str, rays: int) -> VariantSet:
+        """One system as described, under all its days."""
+        return self.trace(name, [day for _, day in self.days[name]], rays=rays)
 
     def trace(
         self, name: str, days: list[Daylight], changed: bool = False, rays: int = 0, *, sky: bool = True
@@ -159,13 +162,20 @@ class Tracing:
         sun, sky = (_drawn(n, f, _DARK * np.maximum(_brightest(f), 1e-12)) for n, f in zip(near, far, strict=True))
         return np.clip(sun, *_AT_MOST), np.clip(sky, *_AT_MOST)
 
-    def sun_share(self) -> Floats:
-        """See `Retracings`; in the dark the share of the whole flux."""
-        sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in self.precise.items()})
-        whole = sun + sky
-        floor = _DARK * _brightest(whole)
-        mean = np.sum(sun, axis=(1, 2), keepdims=True) / np.sum(whole, axis=(1, 2), keepdims=True)
-        return np.asarray((sun + floor * mean) / (whole + floor))
+    def sky_part(self, total: Floats, rays: int = MORE_RAYS) -> Floats:
+        """The sky's part of a prediction (T, P, G) [cd] that gives only the sum; NaN in tests that are not traced.
+
+        What our lens makes of the sky is smooth, and so nearly what another lens makes of it: it is taken with each
+        system's ratio of fluxes, and the sun's part is the rest. The sun's images lie where the prediction has them.
+        """
+        runs = self.precise if rays == MORE_RAYS else {n: self.plain(n, rays) for n in self.days}
+        sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in runs.items()})
+        made = np.full_like(sky, np.nan)
+        for days in self.days.values():
+            rows = [k for k, _ in days]
+            flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
+            made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
+        return made
 
 
 def haze(where: tuple[str, ...]) -> Setting:

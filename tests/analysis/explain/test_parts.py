@@ -16,9 +16,9 @@ from tests.analysis.explain.campaign import Floats, make_case
 
 @dataclass
 class _Split:
-    """A simulator that knows nothing but how much of the light is the sun's."""
+    """A simulator that knows nothing but the sky's part of the light."""
 
-    share: Floats
+    sky: Floats
 
     def paths(self, mechanism: str) -> tuple[Settings, ...]:
         return ()
@@ -29,14 +29,13 @@ class _Split:
     def near_field(self) -> tuple[Floats, Floats] | None:
         return None
 
-    def sun_share(self) -> Floats | None:
-        return self.share
+    def sky_part(self) -> Floats | None:
+        return self.sky
 
 
 @pytest.fixture
 def own(tmp_path: Path) -> _Split:
-    given = Scene(Readings.of(make_case(tmp_path / "given"))).fields
-    return _Split(given.sun / np.maximum(given.total, 1e-9))
+    return _Split(Scene(Readings.of(make_case(tmp_path / "given"))).fields.sky)
 
 
 def test_the_parts_come_back(tmp_path: Path, own: _Split) -> None:
@@ -50,14 +49,14 @@ def test_the_parts_come_back(tmp_path: Path, own: _Split) -> None:
 
 def test_parts_that_are_given_stay(tmp_path: Path, own: _Split) -> None:
     case = make_case(tmp_path / "case")
-    scene = scene_of(case, _Split(0.5 * own.share))
-    assert scene.sun_share is None
+    scene = scene_of(case, _Split(0.5 * own.sky))
+    assert scene.sky_part is None
     assert np.array_equal(scene.readings.sun, Readings.of(case).sun)
 
 
 def test_a_system_that_cannot_be_traced_stays_whole(tmp_path: Path, own: _Split) -> None:
     case = make_case(tmp_path / "case", parts=False, files=False)
-    own.share[0] = np.nan
+    own.sky[0] = np.nan
     assert not scene_of(case, own).readings.has_parts
 
 

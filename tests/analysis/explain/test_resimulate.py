@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from analysis.explain import settings, tracing
-from analysis.explain.fields import GAMMA_DEG
+from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.settings import UNLIMITED
+from analysis.explain.tracing import Tracing
 from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.test_mechanisms import term
 
@@ -105,8 +106,18 @@ def test_what_a_bounce_limit_cuts_grows_less_with_the_limit(made: Retracings) ->
     assert np.all(lost[0] > 0.0)
 
 
-def test_the_parts_share_what_is_predicted(made: Retracings) -> None:
-    assert np.all((made.sun_share > 0.0) & (made.sun_share < 1.0))
+def test_of_a_sum_the_sky_takes_its_share(simulated: OwnSimulation, scene: Scene) -> None:
+    told, given = simulated.made.sky_part, scene.fields
+    for test in (BOX, TUBE):
+        share, wanted = (np.sum(sky[test] * solid_angle()) for sky in (told, given.sky))
+        assert share == pytest.approx(wanted, rel=0.4), "by an engine that knows another lens and another well"
+
+
+def test_a_sum_of_our_own_comes_apart(simulated: OwnSimulation) -> None:
+    traced = Tracing(simulated.case, simulated.systems)
+    parts = {name: traced.as_predicted(traced.plain(name, 2_000).baseline) for name in traced.days}
+    sun, sky = traced.spread(parts)
+    assert traced.sky_part(1.2 * (sun + sky), 2_000) == pytest.approx(1.2 * sky)
 
 
 def test_a_pattern_as_square_as_a_pyramid_is_itself_after_a_quarter_turn(made: Retracings) -> None:
