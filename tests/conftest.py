@@ -51,6 +51,7 @@ def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: py
     assert not left, "the test left asyncio tasks behind:\n" + "\n".join(left)
     if _open(folders) - before:
         gc.collect()  # what only a reference cycle holds is not a leak of the code under test
+    assert Path("/proc/self/fd/0").exists(), "the test closed standard input: programs that it starts may not run"
     new = _open(folders) - before
     if set(threading.enumerate()) - threads:  # a library's own background thread may keep its event loop
         new -= Counter({"anon_inode:[eventpoll]": 1})

@@ -238,6 +238,16 @@ def test_mbpoll_reads_over_both_lines(station: dict[str, str]) -> None:
 # --- camera ---
 
 
+@pytest.fixture
+def standard_input() -> Iterator[None]:
+    """Open again afterwards: libgphoto2 closes descriptor 0 where it leaves a camera on the network."""
+    kept = os.dup(0)
+    yield
+    os.dup2(kept, 0)
+    os.close(kept)
+
+
+@pytest.mark.usefixtures("standard_input")
 def test_python_gphoto2_takes_a_picture(station: dict[str, str]) -> None:
     gp = pytest.importorskip("gphoto2")
     host, port = station["camera_ptpip"].split(":")
