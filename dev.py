@@ -59,7 +59,9 @@ def main() -> None:
         run(programs / "ruff", "format", "--check", ".")
         run(programs / "mypy")
         run(programs / "lint-imports")
-        run(programs / "pytest", *rest)
+        # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", *rest)
 
 
 main()
