@@ -15,6 +15,7 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, pre
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
+from analysis.explain.settings import EVENED
 from analysis.explain.tracing import HAZES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
@@ -100,6 +101,7 @@ def _setting(name: str, value: float, label: str) -> tuple[str, float]:
 def _system_in(scene: Scene, label: str) -> str | None:
     """The one system that a way of a mechanism is about, by its label; ``None`` for all."""
     names = {t.system for t in scene.readings.case.tests if t.system}
+    label = label.removesuffix(EVENED)
     return next((n for n in names if label == n or label.endswith(f", {n} only")), None)
 
 

@@ -8,7 +8,6 @@ from scipy import sparse
 
 from analysis.cases.model import Aperture, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, Sampler, solid_angle
-from analysis.explain.scene import Scene
 from labdaq import directions
 
 CELLS = len(C_DEG) * len(GAMMA_DEG)
@@ -35,7 +34,7 @@ def _blur_matrix(sigma_deg: float) -> sparse.csr_matrix:
     return sparse.csr_matrix((kernel * weight[None, :]) / weight[:, None])
 
 
-def blurred(scene: Scene, field: Floats, sigma_deg: float) -> Floats:
+def blurred(field: Floats, sigma_deg: float) -> Floats:
     """The field (T, P, G) [cd] with its light spread by a Gaussian of ``sigma_deg`` rms [deg]; flux is kept."""
     at = np.array([2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0])
     x = float(np.clip(sigma_deg, at[0], at[-1]))

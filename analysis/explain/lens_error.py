@@ -88,9 +88,9 @@ def _shapes(scene: Scene) -> dict[str, Floats]:
     r, sun = scene.readings, scene.fields.sun
     at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
     here = at(sun)
-    narrow, wide = blurred(scene, sun, BLUR_DEG[0]), blurred(scene, sun, BLUR_DEG[1])
+    narrow, wide = blurred(sun, BLUR_DEG[0]), blurred(sun, BLUR_DEG[1])
     shapes = {"blur": at(narrow) - here, "broad": at(wide) - at(narrow), "gain": here}
-    around = at(blurred(scene, sun, SURROUNDINGS_DEG))
+    around = at(blurred(sun, SURROUNDINGS_DEG))
     shapes["contrast"] = -here * np.log(np.clip(here / np.maximum(around, 1e-9), 0.1, 10.0))
     azimuth = np.nan_to_num(r.azimuth_deg)
     for name, axis_azimuth in (("shift", azimuth + 90.0), ("turn", azimuth)):

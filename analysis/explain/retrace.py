@@ -81,23 +81,21 @@ class Retraced:
     case_paths: dict[str, tuple[Path, ...]]
     simulator: Simulator | None = None
 
-    @property
-    def sun_moves(self) -> bool:
-        """Whether the sun part is known for the sun at another time."""
-        return bool(self.paths("clock-offset"))
-
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """Paths of settings for one mechanism: a case's variants may not reach as far as the settings do."""
         own = self.case_paths.get(mechanism, ())
         return own if self.simulator is None else (*own, *self.simulator.paths(mechanism))
 
-    def sun_later(self, minutes: float) -> Floats | None:
-        """Ratio (T, P, G) of the sun part with the sun ``minutes`` later; ``None`` where it is not known."""
-        paths = self.paths("clock-offset")
-        if not paths:
+    def sun_later(self, minutes: float, path: Path | None = None) -> Floats | None:
+        """Ratio (T, P, G) of the sun part with the sun ``minutes`` later, by the best path if none is given.
+
+        ``None`` where it is not known.
+        """
+        known = (path,) if path is not None else self.paths("clock-offset")
+        if not known:
             return None
-        one = Fields(np.ones(paths[0].sun.shape[1:]), np.ones(paths[0].sun.shape[1:]))
-        return paths[0].change(minutes, one)[0]
+        one = Fields(np.ones(known[0].sun.shape[1:]), np.ones(known[0].sun.shape[1:]))
+        return known[0].change(minutes, one)[0]
 
     def aureole(self, width_deg: float) -> Floats | None:
         """See `Simulator.aureole`: a ratio; ``None`` without a simulator."""

@@ -34,6 +34,10 @@ LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
+EVENED: Final = ", evened out"
+EVENED_DEG: Final = {4.5: "", 12.0: EVENED}
+"""Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
+images elsewhere, so that what a setting does to an image is told only as far as images of both lenses overlap."""
 LEAST, MOST = 0.05, 0.998
 """Changes of a wall's reflectance that are tried, and between what it must stay."""
 MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
@@ -81,43 +85,60 @@ def _alone(traced: Tracing, path: Path, name: str) -> Path:
     )
 
 
-def _along(traced: Tracing, label: str, parameter: Parameter, rows: dict[float, Setting], origin: float) -> Path:
+def _along(
+    traced: Tracing, label: str, parameter: Parameter, rows: dict[float, Setting], origin: float
+) -> Iterator[Path]:
+    yield from _through(traced, label, parameter, {at: traced.lit(settings) for at, settings in rows.items()}, origin)
+
+
+def _through(
+    traced: Tracing,
+    label: str,
+    parameter: Parameter,
+    lit: dict[float, Field],
+    origin: float,
+    *,
+    geometric: bool = False,
+) -> Iterator[Path]:
+    """The path through fields that were traced at its positions, at each of `EVENED_DEG`."""
     one = np.ones_like(traced.base[0])
-    fields = {at: traced.ratio(settings) for at, settings in rows.items()} | {origin: (one, one)}
-    at = np.array(sorted(fields))
-    return Path(label, parameter, at, np.stack([fields[a][0] for a in at]), np.stack([fields[a][1] for a in at]))
+    for width, note in EVENED_DEG.items():
+        ratios = {at: traced.over_base(fields, width) for at, fields in lit.items()} | {origin: (one, one)}
+        at = np.array(sorted(ratios))
+        sun, sky = (np.stack([ratios[a][part] for a in at]) for part in (0, 1))
+        yield Path(label + note, parameter, at, sun, sky, geometric)
 
 
 def _turns(traced: Tracing) -> Iterator[Path]:
     what = "turn of the lens patterns, counter-clockwise from above"
     turn = Parameter("rotation_deg", "deg", what, 6.0, 84.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
-    path = _along(traced, "own re-simulation", turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0)
-    one = np.ones_like(path.sun[:1])
-    yield dataclasses.replace(
-        path,
-        positions=np.append(path.positions, 90.0),
-        sun=np.concatenate([path.sun, one]),
-        sky=np.concatenate([path.sky, one]),
-    )
+    for path in _along(traced, "own re-simulation", turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0):
+        one = np.ones_like(path.sun[:1])
+        yield dataclasses.replace(
+            path,
+            positions=np.append(path.positions, 90.0),
+            sun=np.concatenate([path.sun, one]),
+            sky=np.concatenate([path.sky, one]),
+        )
 
 
 def _hazes(traced: Tracing) -> Iterator[Path]:
     what = "share of the transmitted light that is scattered widely"
     for label, where in HAZES.items():
         share = Parameter("haze", "1", what, 0.0, 0.6, 0.12, (0.02, 0.06, 0.2))
-        yield _along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
+        yield from _along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
 
 
 def _dirt(traced: Tracing) -> Iterator[Path]:
     """Along the transmittance lost at normal incidence."""
     loss = Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15, 0.45))
-    rows: dict[float, Setting] = {1.0 - float(np.exp(-depth)): (("soiling", depth),) for depth in DEPTHS}
-    yield dataclasses.replace(_along(traced, "dirt, traced", loss, rows, 0.0), geometric=True)
+    lit = {1.0 - float(np.exp(-depth)): traced.lit((("soiling", depth),)) for depth in DEPTHS}
+    yield from _through(traced, "dirt, traced", loss, lit, 0.0, geometric=True)
 
 
 def _isotropy(traced: Tracing) -> Iterator[Path]:
     """From a simulation that knows no pattern to one that does; which of the two was predicted, `likeness` says."""
-    other = traced.ratio((("isotropic", True),))
+    other = traced.lit((("isotropic", True),))
     one = np.ones_like(other[0])
     given = np.zeros(len(traced.case.tests), dtype=bool)
     given[[k for name, days in traced.days.items() if knows_no_pattern(traced.systems[name]) for k, _ in days]] = True
@@ -131,15 +152,18 @@ def _isotropy(traced: Tracing) -> Iterator[Path]:
         (1.0,),
         centre=1.0,
     )
-    sun, sky = (np.where(given[:, None, None], r, ratio(one, r)) for r in other)
-    yield Path("a pattern, not its mean", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
+    for width, note in EVENED_DEG.items():
+        over = traced.over_base(other, width)
+        sun, sky = (np.where(given[:, None, None], r, ratio(one, r)) for r in over)
+        path = np.stack([one, sun]), np.stack([one, sky])
+        yield Path(f"a pattern, not its mean{note}", weight, np.array([0.0, 1.0]), *path)
 
 
 def _scatter(traced: Tracing) -> Iterator[Path]:
     share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
-    yield _along(traced, "diffuse share", share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
+    yield from _along(traced, "diffuse share", share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
     width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
-    yield _along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
+    yield from _along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
 
 
 def _limits(traced: Tracing) -> Iterator[Path]:
@@ -168,34 +192,30 @@ def _reflectances(traced: Tracing) -> Iterator[Path]:
     for name, run in traced.runs.items():
         assumed = run.system.wall.reflectance
         tried = sorted({min(max(assumed + d, LEAST), MOST) for d in REFLECTANCES} | {assumed})
-        fields = [
-            traced.over_base(_with(traced, name, traced.as_predicted(run.again(wall_reflectance=r)))) for r in tried
-        ]
+        lit = {r: traced.spread(_with(traced, name, traced.as_predicted(run.again(wall_reflectance=r)))) for r in tried}
         what = f"reflectance of the well of {name}"
         starts = tuple(r for r in (assumed - 0.1, assumed - 0.03, assumed + 0.02) if tried[0] < r < tried[-1])
         parameter = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
-        sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
-        yield Path(name, parameter, np.array(tried), sun, sky, geometric=True)
+        yield from _through(traced, name, parameter, lit, assumed, geometric=True)
 
     if len(traced.runs) > 1:
-        yield _all_walls(traced)
+        yield from _all_walls(traced)
 
 
-def _all_walls(traced: Tracing) -> Path:
+def _all_walls(traced: Tracing) -> Iterator[Path]:
     """The walls of all systems reflect more or less by the same amount, as far as the darkest and the brightest can."""
     runs = traced.runs
     walls = [run.system.wall.reflectance for run in runs.values()]
     least, most = LEAST - min(walls), MOST - max(walls)
     tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
-    fields = []
+    lit = {}
     for d in tried:
         moved = {n: run.again(wall_reflectance=run.system.wall.reflectance + d) for n, run in runs.items()}
-        fields.append(traced.over_base({n: traced.as_predicted(outcome) for n, outcome in moved.items()}))
+        lit[d] = traced.spread({n: traced.as_predicted(outcome) for n, outcome in moved.items()})
     what = "change of the reflectance of all wells"
     starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
     change = Parameter("change", "1", what, tried[0], tried[-1], 0.05, starts)
-    sun, sky = np.stack([f[0] for f in fields]), np.stack([f[1] for f in fields])
-    return Path("all systems alike", change, np.array(tried), sun, sky, geometric=True)
+    yield from _through(traced, "all systems alike", change, lit, 0.0, geometric=True)
 
 
 def _with(traced: Tracing, name: str, parts: Parts) -> dict[str, Parts]:
@@ -207,21 +227,16 @@ def _clock(traced: Tracing) -> Iterator[Path]:
     if traced.case.setup.site is None or any(t.start is None for t in traced.case.tests):
         return
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        rows = dict(zip(MINUTES, pool.map(lambda minutes: _later(traced, minutes), MINUTES), strict=True))
-    one = np.ones_like(traced.base[0])
-    rows[0.0] = one, one
-    at = np.array(sorted(rows))
+        lit = dict(zip(MINUTES, pool.map(lambda minutes: _later(traced, minutes), MINUTES), strict=True))
     starts = (-60.0, -30.0, -10.0, 10.0, 30.0, 60.0)
     late = Parameter("offset_min", "min", "true time minus recorded time", -65.0, 65.0, 15.0, starts)
-    sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
-    yield Path("own re-simulation", late, at, sun, sky)
+    yield from _through(traced, "own re-simulation", late, lit, 0.0)
 
 
 def _later(traced: Tracing, minutes: float) -> Field:
-    """Ratio of both parts with all suns ``minutes`` later; the sky's stays as it was measured."""
+    """Both parts with all suns ``minutes`` later; the sky's stays as it was measured."""
     moved = {}
     for name, days in traced.days.items():
         shifted = [daylight_of(traced.case, k, minutes) for k, _ in days]
         moved[name] = traced.as_predicted(traced.trace(name, shifted, sky=False).baseline)
-    sun, _ = traced.spread(moved)
-    return ratio(sun, traced.base[0]), np.ones_like(sun)
+    return traced.spread(moved)[0], traced.base[1]

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.explain.geometry import blurred
 from analysis.explain.readings import sun_at
 from analysis.simulate.changes import Change, lenses_of
 from analysis.simulate.daylight import Daylight, daylight
@@ -45,6 +46,8 @@ _FEW: Final = 0.05
 """The same share of a gamma's mean over C: there the rays are few."""
 _HARDLY_ANY: Final = 1e-4
 """Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
+IMAGE_DEG: Final = 4.5
+"""Images of the sun are blurred by this before an aureole's are compared with them: another lens has them elsewhere."""
 _AT_MOST: Final = (0.02, 50.0)
 """Beyond these a ratio is noise of the rays, not physics."""
 
@@ -71,6 +74,7 @@ class Tracing:
     def __init__(self, case: Case, systems: Mapping[str, System]) -> None:
         self.case = case
         self.systems = systems
+        self._blurred: dict[float, Field] = {}
 
     @cached_property
     def days(self) -> dict[str, list[tuple[int, Daylight]]]:
@@ -135,24 +139,27 @@ class Tracing:
             sun[rows], sky[rows] = made.sun[:, :-1], made.sky[:, :-1]
         return sun, sky
 
-    def ratio(self, settings: Setting) -> Field:
-        """Ratio of both parts with ``settings`` to the baseline; 1 for systems that do not have such a setting."""
+    def lit(self, settings: Setting) -> Field:
+        """Both parts with ``settings``; as they are for systems that do not have such a setting."""
         made = {}
         for name, run in self.runs.items():
             mine = dict(zip(_settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
             made[name] = self.as_predicted(mine.get(settings, run.baseline))
-        return self.over_base(made)
+        return self.spread(made)
 
-    def over_base(self, made: Mapping[str, Parts]) -> Field:
-        """Ratio of both parts of each system to those of the systems as described."""
-        sun, sky = self.spread(made)
-        return ratio(sun, self.base[0]), ratio(sky, self.base[1])
+    def over_base(self, lit: Field, width_deg: float) -> Field:
+        """Ratio of both parts to those of the systems as described, both blurred by a Gaussian of ``width_deg``."""
+        if width_deg not in self._blurred:
+            self._blurred[width_deg] = blurred(self.base[0], width_deg), blurred(self.base[1], width_deg)
+        sun, sky = (ratio(blurred(new, width_deg), old) for new, old in zip(lit, self._blurred[width_deg], strict=True))
+        return sun, sky
 
     # what is made of it
 
     def aureoles(self) -> list[Floats]:
         """See `Retracings`."""
-        return [np.ones_like(self.base[0]), *(self.ratio((("aureole_deg", w),))[0] for w in AUREOLES_DEG)]
+        made = (self.over_base(self.lit((("aureole_deg", w),)), IMAGE_DEG)[0] for w in AUREOLES_DEG)
+        return [np.ones_like(self.base[0]), *made]
 
     def near_over_far(self) -> Field:
         """See `Retracings`."""

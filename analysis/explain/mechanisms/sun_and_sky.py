@@ -76,7 +76,7 @@ class CircumsolarAureole(Mechanism):
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Mix in the sun part of the aureole alone."""
         ratio = scene.retraced.aureole(float(p[1])) if scene.retraced and branch.value is None else None
-        wide = blurred(scene, light.sun, float(p[1])) if ratio is None else light.sun * ratio
+        wide = blurred(light.sun, float(p[1])) if ratio is None else light.sun * ratio
         light.sun = light.sun + p[0] * (wide - light.sun)
 
     def statement(self, p: Floats, branch: Branch) -> str:

@@ -81,7 +81,8 @@ class ClockOffset(Mechanism):
     @staticmethod
     def _of_the_image(scene: Scene) -> tuple[Branch, ...]:
         """The sun's image as re-simulated, and turned as a whole with the sun."""
-        traced = (Branch(),) if scene.retraced is not None and scene.retraced.sun_moves else ()
+        paths = scene.retraced.paths("clock-offset") if scene.retraced is not None else ()
+        traced = tuple(Branch(path.label if k else "", path) for k, path in enumerate(paths))
         return (*traced, Branch("the image follows the sun", "image")) if scene.knows_image else traced
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
@@ -119,7 +120,7 @@ class ClockOffset(Mechanism):
             light.sun = _with_the_sun(scene, light.sun, float(p[0]))
             return
         if np.any(scene.is_gonio) and scene.retraced is not None:
-            moved = scene.retraced.sun_later(float(p[0]))
+            moved = scene.retraced.sun_later(float(p[0]), branch.value)
             if moved is not None:
                 light.sun = light.sun * moved
 

@@ -9,8 +9,8 @@ from analysis.explain.mechanisms.base import predict
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
-from analysis.explain.settings import UNLIMITED
-from analysis.explain.tracing import Tracing
+from analysis.explain.settings import EVENED, EVENED_DEG, UNLIMITED
+from analysis.explain.tracing import IMAGE_DEG, Tracing
 from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.test_mechanisms import term
 
@@ -128,6 +128,31 @@ def test_a_pattern_as_square_as_a_pyramid_is_itself_after_a_quarter_turn(made: R
 
 
 # ratios
+
+
+@pytest.mark.parametrize("width", [*EVENED_DEG, IMAGE_DEG])
+def test_a_factor_is_a_factor_however_much_is_evened_out(simulated: OwnSimulation, scene: Scene, width: float) -> None:
+    traced = Tracing(simulated.case, simulated.systems)
+    sun, sky = scene.fields.sun, scene.fields.sky
+    traced.__dict__["base"] = sun, sky
+    made = traced.over_base((0.8 * sun, 1.1 * sky), width)
+    assert made[0] == pytest.approx(0.8, rel=1e-6)
+    assert made[1] == pytest.approx(1.1, rel=1e-6)
+
+
+def test_an_image_that_moved_shows_less_the_more_is_evened_out(simulated: OwnSimulation, scene: Scene) -> None:
+    traced = Tracing(simulated.case, simulated.systems)
+    traced.__dict__["base"] = scene.fields.sun, scene.fields.sky
+    moved = np.roll(scene.fields.sun, 1, axis=1), scene.fields.sky
+    sizes = [float(np.std(np.log(traced.over_base(moved, width)[0]))) for width in (2.0, *EVENED_DEG)]
+    assert sizes[0] > sizes[1] > sizes[2] > 0.0
+
+
+def test_each_path_is_there_evened_out_too(made: Retracings) -> None:
+    for mechanism in ("lens-haze", "lens-orientation", "wall-reflectance", "clock-offset"):
+        labels = {path.label for path in made.paths[mechanism]}
+        sharp = {label for label in labels if EVENED not in label}
+        assert {label.replace(EVENED, "") for label in labels - sharp} == sharp
 
 
 def test_where_it_is_dark_beside_a_peak_a_ratio_stays_what_it_is() -> None:
