@@ -127,7 +127,8 @@ class LensOrientation(Retraced):
     needs = "a variant, or the systems' description, or the sun's angles"
     modelled_twice = True
     source = (
-        "re-simulation; small turns also as a turn of the sun's image about its middle; report test 15 and chapter 9"
+        "re-simulation; small turns also as a turn of the sun's image about its middle, below a round well of all "
+        "light; report test 15 and chapter 9"
     )
     tie_breaker = "turn the skylight by 90°"
 
@@ -136,13 +137,20 @@ class LensOrientation(Retraced):
         return "" if scene.readings.has_parts or self.branches(scene) else NO_VARIANT
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """As re-simulated, and by turning the sun's image about its middle."""
+        """As re-simulated, by turning the sun's image about its middle, and all light below a round well.
+
+        Such a well has no directions of its own: what the lens below it makes turns with the lens.
+        """
         image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
-        return (*super().branches(scene), *image)
+        case = scene.readings.case
+        round_wells = {s.id for s in case.setup.system if s.kind == "tube"} & set(systems_on_the_arm(scene).values())
+        whole = (Branch(f"turn of all light of {name}", f"all:{name}") for name in sorted(round_wells))
+        return (*super().branches(scene), *image, *whole)
 
     def local_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens sends its images elsewhere than the one that was traced."""
-        return _OTHER_LENS if isinstance(branch.value, Path) and np.any(scene.is_gonio) else 0.0
+        moves_images = isinstance(branch.value, Path) or branch.value.startswith("all:")
+        return _OTHER_LENS if moves_images and np.any(scene.is_gonio) else 0.0
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """An image is turned by less than its own symmetry."""
@@ -152,6 +160,11 @@ class LensOrientation(Retraced):
         """Turn the image, or change both parts as the re-simulation did."""
         if not isinstance(branch.value, str):
             super().illuminate(scene, light, p, branch)
+            return
+        if branch.value.startswith("all:"):
+            mine = [float(p[0]) * (f"all:{t.system}" == branch.value) for t in scene.readings.case.tests]
+            upright = np.tile([0.0, 0.0, 1.0], (len(mine), 1))
+            light.sun, light.sky = (turned(part, upright, np.array(mine)) for part in (light.sun, light.sky))
             return
         middle = -scene.sun_vectors  # the light goes on away from the sun; seen from above, turns go the other way
         light.sun = turned(light.sun, -middle, np.full(len(middle), float(p[0])))
