@@ -18,6 +18,7 @@ from analysis.explain.thresholds import (
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
     NAME_SECOND,
+    NAME_SECOND_BELOW,
     NAME_SECOND_LENS,
     NAME_SECOND_RANDOM,
     RUNNER_UP,
@@ -167,7 +168,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
-    needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else NAME_SECOND
+    usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
+    needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else usual
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
     (new,) = set(best.ids) - set(base.ids)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat)

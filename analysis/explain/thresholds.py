@@ -21,6 +21,8 @@ SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
 """A second (third) must beat the first alone by this, its form error allowed for."""
+NAME_SECOND_BELOW = 24.0
+"""The same below a skylight, where what a simulated lens has wrong looks like a second."""
 NAME_SECOND_LENS = 32.0
 """The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
@@ -39,7 +41,7 @@ MISFIT_STRONG = 0.005
 """Yet at least such a share of its gain: an arm that turns the wrong way leaves nothing that is small beside itself."""
 MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
-MISFIT_LIKE_A_LENS = 0.15
+MISFIT_LIKE_A_LENS = 0.3
 """The same of what is written as a formula, but looks like a lens simulated a little wrong."""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
