@@ -19,6 +19,7 @@ from analysis.explain.thresholds import (
     LEAST_ROUGH,
     LEFT_OF_STRONG,
     LEFT_OVER,
+    LIKELIER,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
     MISFIT_STRONG,
@@ -251,7 +252,7 @@ def _probabilities(found: Conclusion) -> None:
     if ids:
         left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
         law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
-        nearest = max(*rivals.values(), law / nats, nothing)
+        nearest = max(*rivals.values(), law / nats - LIKELIER, nothing)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
     share = {key: float(np.exp(r - np.logaddexp.reduce([nothing, *rivals.values()]))) for key, r in rivals.items()}

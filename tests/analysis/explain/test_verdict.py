@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from analysis.explain.conclude import conclude
 from analysis.explain.families import SHUTTER
@@ -14,7 +15,7 @@ from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
-from analysis.explain.thresholds import RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_ONE
+from analysis.explain.thresholds import AHEAD, LIKELIER, RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_ONE
 from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
@@ -218,6 +219,14 @@ def test_what_is_left_and_sets_without_the_name_speak_against_it(arm: Scene) -> 
         assert doubtful.probability["c-offset"] < clear.probability["c-offset"] - 0.02
     own = _decided(arm, ("c-offset", 100.0), ("gamma-offset", 40.0), considered=((("c-offset", "near-field"), 98.0),))
     assert own.probability == clear.probability
+
+
+def test_a_law_beyond_the_catalogue_is_less_likely_than_a_name_that_does_as_well(arm: Scene) -> None:
+    as_well = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0)
+    assert as_well.verdict == "explained"
+    assert as_well.probability["gamma-offset"] == pytest.approx(RELIABLE * expit(LIKELIER))
+    better = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0 + 2.0 * AHEAD)
+    assert better.verdict == "unexplained"
 
 
 def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
