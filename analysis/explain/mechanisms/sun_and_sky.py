@@ -62,20 +62,14 @@ class CircumsolarAureole(Mechanism):
     tie_breaker = "a picture of the sun's surroundings through a small shading disc"
     form_error = 0.2
     like_a_lens = True
-    modelled_twice = True
 
     def why_not(self, scene: Scene) -> str:
         """The aureole belongs to the sun part."""
         return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
 
-    def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """As re-simulated where that can be had, and as a blur of the sun's image on the outgoing sphere."""
-        image = Branch("blur of the sun's image", "image")
-        return (Branch(), image) if scene.retraced is not None and scene.retraced.simulator is not None else (image,)
-
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Mix in the sun part of the aureole alone."""
-        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced and branch.value is None else None
+        """Blur the sun part by the aureole: by re-simulation where there is one, else on the outgoing sphere."""
+        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced else None
         wide = blurred(light.sun, float(p[1])) if ratio is None else light.sun * ratio
         light.sun = light.sun + p[0] * (wide - light.sun)
 
