@@ -58,8 +58,8 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    above = any(t.mechanism.stage < Stage.OPTICS for t in h.fit.terms) and not found.one_instrument
-    if above or any(t.mechanism.like_a_lens for t in h.fit.terms):
+    of_the_sun = any(t.mechanism.stage < Stage.OPTICS or t.mechanism.stage is Stage.TIME for t in h.fit.terms)
+    if (of_the_sun and not found.one_instrument) or any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_LENS
     return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW
 

@@ -16,7 +16,7 @@ NAME_FIRST_RANDOM = 20.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
 NAME_FIRST_LENS = 24.0
 """The same for what looks like a lens simulated a little wrong; below a skylight also for what makes one test's sun
-brighter or dimmer than another's, as a lens does whose error depends on where the sun stands."""
+brighter or dimmer than another's or moves it, as a lens does whose error depends on where the sun stands."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
@@ -59,8 +59,8 @@ SURE_BESIDE = 0.68
 SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
 LIKELIER = 2.0
-"""Log odds of the catalogue's names against a law outside it that gains as much. (On other authors' cases all four names
-beside which such a law stood within 1.3 of these were right.)"""
+"""Log odds of the catalogue's names against a law outside it that gains as much. (On other authors' cases all four
+names beside which such a law stood within 1.3 of these were right.)"""
 IMITATION = 1.25
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much."""
 IMITATION_LENS = 2.5
