@@ -10,6 +10,7 @@ import asyncio
 import fcntl
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from labdaq.errors import DataError, StorageError
 from labdaq.records import KINDS
 
 FILE: Final = "journal.jnl"
+_FRAMES: Final = re.compile(rb"(?=[0-9a-f]{8} )")
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -110,9 +112,15 @@ def scan(data: bytes, root: str) -> Scan:
             return Scan(tuple(entries), start, head, f"{where}: does not follow from the line before it")
         entries.append(entry)
         start, head = end + 1, link(content)
-    follow = [line for line in data[start:].split(b"\n")[1:] if unframe(line) is not None]
+    rest = data[start:].split(b"\n")
+    follow = [line for line in (*_joined_on(rest[0]), *rest[1:]) if unframe(line) is not None]
     damage = f"line {len(entries) + 1} (byte {start}): damaged, and {len(follow)} good lines follow" if follow else ""
     return Scan(tuple(entries), start, head, damage)
+
+
+def _joined_on(line: bytes) -> list[bytes]:
+    """What may be the line behind a bad one, where it was the newline between them that was damaged."""
+    return [line[found.start() :] for found in _FRAMES.finditer(line, 1)]
 
 
 def read(path: Path, root: str) -> Scan:

@@ -84,6 +84,14 @@ def test_a_changed_byte_is_never_taken_for_good(texts: list[str], data: st.DataO
     assert bool(found.damage) == (hit < len(good) - 1)
 
 
+@given(st.text(max_size=10), st.text(max_size=10), st.integers(1, 255))
+def test_a_changed_newline_before_the_last_line_is_damage_and_no_torn_tail(one: str, two: str, change: int) -> None:
+    first, last = lines([one, two])
+    found = scan(first[:-1] + bytes([first[-1] ^ change]) + last, ROOT)
+    assert (found.entries, found.good_bytes) == ((), 0)
+    assert "1 good lines follow" in found.damage
+
+
 @given(st.lists(st.text(max_size=10), min_size=3, max_size=6), st.data())
 def test_lines_cannot_be_taken_out_doubled_or_swapped(texts: list[str], data: st.DataObject) -> None:
     good = lines(texts)
@@ -137,7 +145,7 @@ def test_damage_before_the_tail_is_refused_and_left_alone(tmp_path: Path) -> Non
     good = lines(["a", "b", "c"])
     path.write_bytes(good[0] + b"x" + good[1] + good[2])
     before = path.read_bytes()
-    with pytest.raises(DataError, match=r"line 2 .*1 good lines follow"):
+    with pytest.raises(DataError, match=r"line 2 .*2 good lines follow"):
         Journal.reopen(path, ROOT, SystemClock(), Disk(), None)
     assert path.read_bytes() == before
 
