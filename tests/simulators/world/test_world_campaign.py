@@ -27,7 +27,7 @@ def test_a_campaign_has_low_and_high_suns_and_both_skies(plan: tuple[PlannedTest
     assert 8 <= len(plan) <= 10
     altitudes = [SunPath(SITE).angles(utc_ns_of(test.start))[0] for test in plan]
     assert 11.5 < min(altitudes) < 16.0
-    assert 70.0 < max(altitudes) < 76.0
+    assert 60.0 < max(altitudes) < 65.0
     azimuths = [SunPath(SITE).angles(utc_ns_of(test.start))[1] for test in plan]
     assert min(azimuths) < 110.0 and max(azimuths) > 250.0
     assert {test.sky for test in plan} == {"clear", "partly-cloudy"}
@@ -48,6 +48,15 @@ def test_the_sun_stands_free_while_a_test_lasts(plan: tuple[PlannedTest, ...]) -
     for test in plan:
         beam = [light(test).sun(utc_ns_of(test.start) + k * 10 * NS).normal_lx for k in range(17)]
         assert min(beam) > 0.88 * max(beam)
+
+
+def test_no_sky_is_brighter_than_the_roofs_meters_can_say(plan: tuple[PlannedTest, ...]) -> None:
+    """With 5 % in hand, for a calibration factor that is wrong."""
+    for test in plan:
+        for k in range(0, TEST_S, 34):
+            at = utc_ns_of(test.start) + k * NS
+            sun = light(test).sun(at)
+            assert sun.normal_lx * sun.direction[2] + light(test).diffuse(at) < 0.95 * 99_990.0
 
 
 def test_a_plan_fits_a_station(plan: tuple[PlannedTest, ...]) -> None:
