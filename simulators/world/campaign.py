@@ -21,8 +21,8 @@ from simulators.world.sunpath import SunPath
 SITE: Final = Site(34.2176, -82.1084, 180.0)
 LOWEST_DEG: Final = 12.0
 HIGHEST_DEG: Final = 64.0
-"""Above this the roof's global meter may stand at the end of its range (99 990 lx), under broken cloud and with what may
-be concealed in it: such a test has no sky."""
+"""Above this the roof's global meter may stand at the end of its range (99 990 lx), under broken cloud and with what
+may be concealed in it: such a test has no sky."""
 TEST_S: Final = 170
 
 System = Literal["top", "box", "tube"]
