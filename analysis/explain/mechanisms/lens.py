@@ -142,9 +142,9 @@ class LensOrientation(Retraced):
         Such a well has no directions of its own: what the lens below it makes turns with the lens.
         """
         image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
-        case = scene.readings.case
-        round_wells = {s.id for s in case.setup.system if s.kind == "tube"} & set(systems_on_the_arm(scene).values())
-        whole = (Branch(f"turn of all light of {name}", f"all:{name}") for name in sorted(round_wells))
+        tubes = {s.id for s in scene.readings.case.setup.system if s.kind == "tube" and s.lens in (None, "prismatic")}
+        read = sorted(tubes & set(systems_on_the_arm(scene).values()))
+        whole = (Branch(f"turn of all light of {name}", f"all:{name}") for name in read)
         return (*super().branches(scene), *image, *whole)
 
     def local_error_in(self, scene: Scene, branch: Branch) -> float:

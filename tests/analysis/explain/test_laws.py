@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +16,11 @@ from analysis.explain.geometry import apply_operator, blurred
 from analysis.explain.mechanisms.base import Mechanism, Stage, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.mechanisms.goniometer import _near_matrix
+from analysis.explain.readings import Readings
 from analysis.explain.roomlight import RoomLight, room_light
 from analysis.explain.scene import Scene
 from labdaq.cli import cli
-from tests.analysis.explain.campaign import DISTANCE_M, ROOM_M, Floats
+from tests.analysis.explain.campaign import DISTANCE_M, ROOM_M, Floats, make_case
 from tests.analysis.explain.test_mechanisms import term
 
 CONTRACT = {
@@ -154,6 +157,15 @@ def test_below_a_round_well_a_lens_that_is_turned_is_an_arm_turned_back(arm: Sce
     tube = np.array([t.system == "tube" for t in arm.readings.case.tests])[arm.readings.test]
     assert turned[tube] == pytest.approx(back[tube], rel=1e-3)
     assert turned[~tube] == pytest.approx(arm.readings.simulated[~tube], rel=1e-9)
+
+
+@pytest.mark.parametrize(("lens", "ways"), [("prismatic", 1), ("diffusing", 0), ("clear", 0)])
+def test_only_a_lens_with_a_pattern_can_lie_turned_in_a_round_well(tmp_path: Path, lens: str, ways: int) -> None:
+    table = tomllib.loads((make_case(tmp_path / "as it is").folder / "case.toml").read_text())
+    systems = [s | {"lens": lens} for s in table["system"]]
+    scene = Scene(Readings.of(make_case(tmp_path / "case", change={"system": systems})))
+    labels = [b.label for b in BY_ID["lens-orientation"].branches(scene)]
+    assert sum("all light" in label for label in labels) == ways
 
 
 def test_swapped_twice_is_nothing(arm: Scene) -> None:
