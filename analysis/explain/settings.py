@@ -18,6 +18,7 @@ from analysis.explain.tracing import (
     DIFFUSE_SHARES,
     HAZE,
     HAZES,
+    IMAGE_DEG,
     SCATTERS_DEG,
     TURNS_DEG,
     Field,
@@ -35,7 +36,7 @@ UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
 EVENED: Final = ", evened out"
-EVENED_DEG: Final = {4.5: "", 12.0: EVENED}
+EVENED_DEG: Final = {IMAGE_DEG: "", 12.0: EVENED}
 """Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
 images elsewhere, so that what a setting does to an image is told only as far as images of both lenses overlap."""
 LEAST, MOST = 0.05, 0.998
