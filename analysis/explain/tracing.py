@@ -47,7 +47,7 @@ _FEW: Final = 0.05
 _HARDLY_ANY: Final = 1e-4
 """Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
 IMAGE_DEG: Final = 4.5
-"""Images of the sun are blurred by this before an aureole's are compared with them: another lens has them elsewhere."""
+"""Images of the sun are blurred by this before they are compared with others: another lens has them elsewhere."""
 _AT_MOST: Final = (0.02, 50.0)
 """Beyond these a ratio is noise of the rays, not physics."""
 
@@ -169,13 +169,14 @@ class Tracing:
         sun, sky = (_drawn(n, f, _DARK * np.maximum(_brightest(f), 1e-12)) for n, f in zip(near, far, strict=True))
         return np.clip(sun, *_AT_MOST), np.clip(sky, *_AT_MOST)
 
-    def sky_part(self, total: Floats, rays: int = MORE_RAYS) -> Floats:
+    def sky_part(self, total: Floats, rays: int | None = None) -> Floats:
         """The sky's part of a prediction (T, P, G) [cd] that gives only the sum; NaN in tests that are not traced.
 
         What our lens makes of the sky is smooth, and so nearly what another lens makes of it: it is taken with each
         system's ratio of fluxes, and the sun's part is the rest. The sun's images lie where the prediction has them.
+        Traced with so many rays for each sun, if told; else with those that `precise` has.
         """
-        runs = self.precise if rays == MORE_RAYS else {n: self.plain(n, rays) for n in self.days}
+        runs = self.precise if rays is None else {n: self.plain(n, rays) for n in self.days}
         sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in runs.items()})
         made = np.full_like(sky, np.nan)
         for days in self.days.values():

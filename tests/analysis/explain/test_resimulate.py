@@ -110,7 +110,8 @@ def test_of_a_sum_the_sky_takes_its_share(simulated: OwnSimulation, scene: Scene
     told, given = simulated.made.sky_part, scene.fields
     for test in (BOX, TUBE):
         share, wanted = (np.sum(sky[test] * solid_angle()) for sky in (told, given.sky))
-        assert share == pytest.approx(wanted, rel=0.4), "by an engine that knows another lens and another well"
+        # the case's numbers are a formula of no lens and no well that can be traced: only the size can be right
+        assert share == pytest.approx(wanted, rel=0.4)
 
 
 def test_a_sum_of_our_own_comes_apart(simulated: OwnSimulation) -> None:
