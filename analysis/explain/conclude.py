@@ -29,6 +29,9 @@ from analysis.explain.thresholds import (
 )
 from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, name_the_sure, share_of
 
+_OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
+"""What acts here acts alike on all readings under one sun, as a simulation's own error does."""
+
 
 def conclude(search: Search) -> Conclusion:
     """Search, compare, and decide."""
@@ -58,7 +61,7 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    of_the_sun = any(t.mechanism.stage < Stage.OPTICS or t.mechanism.stage is Stage.TIME for t in h.fit.terms)
+    of_the_sun = any(t.mechanism.stage in _OF_THE_SUN for t in h.fit.terms)
     if (of_the_sun and not found.one_instrument) or any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_LENS
     return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW

@@ -87,7 +87,7 @@ class Retraced:
         return own if self.simulator is None else (*own, *self.simulator.paths(mechanism))
 
     def sun_later(self, minutes: float, path: Path | None = None) -> Floats | None:
-        """Ratio (T, P, G) of the sun part with the sun ``minutes`` later, by the best path if none is given.
+        """Ratio (T, P, G) of the sun part with the sun ``minutes`` later, by the first path if none is given.
 
         ``None`` where it is not known.
         """
