@@ -10,10 +10,13 @@ import asyncio
 import ctypes
 import functools
 import time
+from contextlib import AbstractAsyncContextManager
 from datetime import UTC, datetime
 from typing import Final, Protocol
 
 import msgspec
+
+from labdaq.limits import limited
 
 NS: Final = 1_000_000_000
 
@@ -52,7 +55,7 @@ class Clock(Protocol):
         """Wait for ``seconds``; zero or less only lets others run."""
         ...
 
-    def timeout(self, seconds: float) -> asyncio.Timeout:
+    def timeout(self, seconds: float) -> AbstractAsyncContextManager[None]:
         """Limit an ``async with`` block to ``seconds``; raises builtin `TimeoutError` beyond."""
         ...
 
@@ -99,9 +102,9 @@ class SystemClock:
         """Wait for ``seconds`` of real time."""
         await asyncio.sleep(max(0.0, seconds))
 
-    def timeout(self, seconds: float) -> asyncio.Timeout:
+    def timeout(self, seconds: float) -> AbstractAsyncContextManager[None]:
         """Limit a block to ``seconds`` of real time."""
-        return asyncio.timeout(seconds)
+        return limited(seconds)
 
     def state(self) -> ClockState:
         """Ask the kernel (adjtimex) whether the clock is disciplined."""
@@ -138,9 +141,9 @@ class ScaledClock:
         """Wait for ``seconds`` of scaled time."""
         await asyncio.sleep(max(0.0, seconds / self.rate))
 
-    def timeout(self, seconds: float) -> asyncio.Timeout:
+    def timeout(self, seconds: float) -> AbstractAsyncContextManager[None]:
         """Limit a block to ``seconds`` of scaled time."""
-        return asyncio.timeout(seconds / self.rate)
+        return limited(seconds / self.rate)
 
     def state(self) -> ClockState:
         """A scaled clock is never legal time."""
@@ -165,9 +168,9 @@ class VirtualClock:
         """Let virtual time pass."""
         await asyncio.sleep(max(0.0, seconds))
 
-    def timeout(self, seconds: float) -> asyncio.Timeout:
+    def timeout(self, seconds: float) -> AbstractAsyncContextManager[None]:
         """Limit a block to ``seconds`` of virtual time."""
-        return asyncio.timeout(seconds)
+        return limited(seconds)
 
     def state(self) -> ClockState:
         """Virtual time agrees with itself exactly, and with nothing else."""
