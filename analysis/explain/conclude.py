@@ -23,7 +23,6 @@ from analysis.explain.thresholds import (
     NAME_SECOND_RANDOM,
     RUNNER_UP,
     SHOWN,
-    SURE_BESIDE,
     TEMPER,
     TEMPER_ONE,
 )
@@ -150,7 +149,7 @@ def _grow(search: Search, found: Conclusion) -> None:
         if not grown:
             return
         gain, best = max(grown, key=lambda item: item[1].evidence)
-        if any(found.shares.get((_others(best.ids, m), m), 1.0) < SURE_BESIDE for m in best.ids):
+        if any(found.shares.get((_others(best.ids, m), m), 1.0) < found.sure_beside for m in best.ids):
             found.best = next(h for h in found.singles if set(h.ids) <= set(best.ids) and h.ids)
             return  # beside one of the two, another might stand for the other
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
@@ -179,7 +178,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
-    if share < SURE_BESIDE:
+    if share < found.sure_beside:
         return None
     best.tied = base.tied + tuple((new, h.ids[-1]) for h in candidates if h.ids[-1] in doubles(new))
     best.added_to = base.first

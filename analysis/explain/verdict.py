@@ -29,6 +29,8 @@ from analysis.explain.thresholds import (
     STRONG,
     SURE,
     SURE_ALONE,
+    SURE_BELOW,
+    SURE_BESIDE,
     TEMPER,
     TEMPER_RANDOM,
     UNNAMED,
@@ -110,6 +112,16 @@ class Conclusion:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return IMITATION_LENS if _of_another_lens(self.best) else IMITATION
 
+    @property
+    def sure(self) -> float:
+        """How probable a name must be to be claimed."""
+        return SURE if self.one_instrument else SURE_BELOW
+
+    @property
+    def sure_beside(self) -> float:
+        """The same for the share of a further one among all that could be added in its place."""
+        return SURE_BESIDE if self.one_instrument else SURE_BELOW / RELIABLE
+
     def temper(self, gain: float) -> float:
         """How many nats count as one for the first name, beside what that gains."""
         return temper(gain, self.nat)
@@ -133,7 +145,7 @@ def decide(found: Conclusion, few: float) -> None:
     else:
         found.verdict = "explained"
     _probabilities(found)
-    if found.best.ids and min(found.probability.values()) < SURE:
+    if found.best.ids and min(found.probability.values()) < found.sure:
         found.verdict = "unexplained"
 
 
@@ -175,7 +187,7 @@ def name_the_sure(found: Conclusion) -> bool:
     named so: what else is wrong with it decides how large the named is.
     """
     ids = found.best.ids
-    if found.one_instrument or not ids or min(found.probability.values()) >= SURE:
+    if found.one_instrument or not ids or min(found.probability.values()) >= found.sure:
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])
@@ -259,7 +271,7 @@ def _probabilities(found: Conclusion) -> None:
     ranked = sorted(share, key=lambda key: -share[key])[:5]
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
     if ids:
-        near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < SURE]
+        near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < found.sure]
         first = found.best.first
         found.indistinguishable += [(first, other) for other in (*_doubles_here(first, alone), *near) if other in alone]
         found.indistinguishable += found.best.tied

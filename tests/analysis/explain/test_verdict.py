@@ -15,7 +15,7 @@ from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
-from analysis.explain.thresholds import AHEAD, LIKELIER, RELIABLE, SURE, SURE_ALONE, TEMPER, TEMPER_ONE
+from analysis.explain.thresholds import AHEAD, LIKELIER, RELIABLE, SURE, SURE_ALONE, SURE_BELOW, TEMPER, TEMPER_ONE
 from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
@@ -123,6 +123,15 @@ def test_the_same_lead_counts_less_where_more_is_explained(arm: Scene) -> None:
     weak, strong = (_decided(arm, ("c-offset", g), ("gamma-offset", g - 20.0)) for g in (50.0, 5000.0))
     assert weak.probability["c-offset"] > SURE > strong.probability["c-offset"]
     assert temper(400.0) == pytest.approx(2.0 * temper(100.0))
+
+
+def test_below_a_skylight_a_name_must_be_surer(arm: Scene) -> None:
+    doubtful, sure = (_decided(arm, ("c-offset", 100.0), ("gamma-offset", rival)) for rival in (81.0, 71.0))
+    assert SURE < doubtful.probability["c-offset"] < SURE_BELOW < sure.probability["c-offset"]
+    assert (doubtful.verdict, sure.verdict) == ("unexplained", "explained")
+    one = Conclusion(doubtful.best, doubtful.nothing, doubtful.singles, one_instrument=True)
+    decide(one, 1.0)
+    assert one.verdict == "explained"
 
 
 def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -> None:
