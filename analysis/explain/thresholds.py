@@ -76,6 +76,8 @@ STRONG = 1000.0
 """A name that gains this explains, however rough what is left;"""
 LEFT_OF_STRONG = 0.02
 """and such a share of its gain may be left."""
+LEFT_OF_LENS = 0.3
+"""A change of the lens that was traced on another lens leaves more: images lie beside those that it moved."""
 LIKE_THE_BEST = 0.4
 """Another way of modelling a mechanism, where it gains such a share, has a say in how well its parameters are known."""
 RELIABLE = 0.95

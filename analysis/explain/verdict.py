@@ -17,6 +17,7 @@ from analysis.explain.thresholds import (
     IMITATION,
     IMITATION_LENS,
     LEAST_ROUGH,
+    LEFT_OF_LENS,
     LEFT_OF_STRONG,
     LEFT_OVER,
     LIKELIER,
@@ -151,7 +152,8 @@ def decide(found: Conclusion, few: float) -> None:
 
 def _may_be_left(found: Conclusion, gain: float) -> float:
     """What unnamed structure may gain [nats] beside names whose forms are never quite right."""
-    return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), LEFT_OF_STRONG * gain)
+    share = LEFT_OF_LENS if _of_another_lens(found.best) else LEFT_OF_STRONG
+    return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 
 def _rough(found: Conclusion) -> bool:

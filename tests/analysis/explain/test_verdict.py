@@ -41,6 +41,14 @@ def _decided(
     return conclusion
 
 
+def _on_another_lens(found: Conclusion) -> None:
+    """Let what is named have been traced."""
+    (way,) = found.best.fit.terms
+    one = np.ones((2, 1, 1, 1))
+    turned = Path("own re-simulation", way.parameters[0], np.array([0.0, 30.0]), one, one)
+    found.best.fit.terms = (replace(way, branch=Branch("own re-simulation", turned)),)
+
+
 def test_a_name_far_ahead_is_sure(arm: Scene) -> None:
     found = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 10.0))
     assert found.verdict == "explained"
@@ -200,15 +208,23 @@ def test_exposures_explain_a_camera_and_a_cloud_does_not_explain_an_arm(picture:
 def test_a_change_of_the_lens_that_was_traced_takes_less_than_there_is(arm: Scene) -> None:
     """A smooth function of nobody's making holds all of it; a change that was traced on another lens does not."""
     found = _decided(arm, ("lens-orientation", 106.0))
-    way = found.best.fit.terms[0]
     found.unnamed_alone = 252.0
     decide(found, 1.0)
     assert found.verdict == "unexplained"
-    one = np.ones((2, 1, 1, 1))
-    turned = Path("own re-simulation", way.parameters[0], np.array([0.0, 30.0]), one, one)
-    found.best.fit.terms = (replace(way, branch=Branch("own re-simulation", turned)),)
+    _on_another_lens(found)
     decide(found, 1.0)
     assert found.verdict == "explained"
+
+
+def test_a_change_of_the_lens_that_was_traced_leaves_more(arm: Scene) -> None:
+    found = _decided(arm, ("lens-orientation", 1300.0), left=200.0)
+    assert found.verdict == "partly-explained"
+    _on_another_lens(found)
+    decide(found, 1.0)
+    assert found.verdict == "explained"
+    found.unnamed = [Unnamed("gamma", 500.0, 0.1)]
+    decide(found, 1.0)
+    assert found.verdict == "partly-explained"
 
 
 def test_a_double_is_no_rival(arm: Scene) -> None:
