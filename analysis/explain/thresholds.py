@@ -54,11 +54,13 @@ APART = 1.2
 """Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
-SURE_BELOW = 0.7
-"""The same below a skylight, for further names too. (On other authors' cases two names of six that were less sure were
-right.)"""
+SURE_BELOW = 0.67
+"""The same below a skylight. (On other authors' cases one first name of five that was less sure was right.)"""
 SURE_BESIDE = 0.68
-"""The same for a second or a third name of one instrument: the form of the first leaves what others may take."""
+"""Share of a second or a third name among all that could stand in its place: the form of the first leaves what others
+may take."""
+SURE_BESIDE_BELOW = 0.74
+"""The same below a skylight."""
 SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
 LIKELIER = 2.0

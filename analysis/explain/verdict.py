@@ -32,6 +32,7 @@ from analysis.explain.thresholds import (
     SURE_ALONE,
     SURE_BELOW,
     SURE_BESIDE,
+    SURE_BESIDE_BELOW,
     TEMPER,
     TEMPER_RANDOM,
     UNNAMED,
@@ -120,8 +121,8 @@ class Conclusion:
 
     @property
     def sure_beside(self) -> float:
-        """The same for the share of a further one among all that could be added in its place."""
-        return SURE_BESIDE if self.one_instrument else SURE_BELOW / RELIABLE
+        """What share a further name must have among all that could be added in its place."""
+        return SURE_BESIDE if self.one_instrument else SURE_BESIDE_BELOW
 
     def temper(self, gain: float) -> float:
         """How many nats count as one for the first name, beside what that gains."""
