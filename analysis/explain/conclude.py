@@ -202,7 +202,8 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
         alone = _unnamed_beside(search, found.nothing, ())
-        found.unnamed_alone = max((u.gain for u in alone if u.conjecture is None), default=0.0)
+        smooth = found.rivals_of_names(alone)
+        found.unnamed_alone = max((u.gain for u in smooth if u.conjecture is None), default=0.0)
         found.law_alone = max((u.gain for u in alone if u.conjecture is not None), default=-np.inf)
 
 
@@ -215,7 +216,8 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
     found = []
     for family, ways in families:
         h = search.wandering(base, family, extra)
-        found.append(Unnamed(family.along, h.evidence - ways - alone, h.wanders[-1][1]))
+        gain = h.evidence - ways - alone
+        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=odd is not None and family is odd[0]))
     for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
         found.append(Unnamed(law.mechanism.id, h.evidence - alone, float(h.fit.theta[-1]), law))

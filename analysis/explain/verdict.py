@@ -54,12 +54,15 @@ class Unnamed:
         Its amplitude (relative), or the conjecture's last parameter.
     conjecture
         A law that fits it, of physics beyond the catalogue.
+    single
+        Whether it is a few readings that stand alone: no function of anything.
     """
 
     along: str
     gain: float
     size: float
     conjecture: Term | None = None
+    single: bool = False
 
 
 @dataclass
@@ -75,7 +78,7 @@ class Conclusion:
     unnamed
         Unnamed structure that still gains beside the best, largest gain first.
     unnamed_alone
-        Best gain of an unnamed family without any named mechanism [nats].
+        Best gain of an unnamed family without any named mechanism [nats]; see `rivals_of_names`.
     one_instrument
         Whether only a meter or a camera was read, no goniometer.
     nat
@@ -113,6 +116,19 @@ class Conclusion:
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return IMITATION_LENS if _of_another_lens(self.best) else IMITATION
+
+    def rivals_of_names(self, unnamed: list[Unnamed]) -> list[Unnamed]:
+        """What of unnamed structure speaks against a name, rather than to stand beside it.
+
+        Below a skylight not a few single readings: there an image of the sun lies elsewhere, and the law of the others
+        is what it was.
+        """
+        return [u for u in unnamed if self.one_instrument or not u.single]
+
+    @property
+    def beside(self) -> float:
+        """What is left of that beside the best [nats]."""
+        return max((u.gain for u in self.rivals_of_names(self.unnamed)), default=0.0)
 
     @property
     def sure(self) -> float:
@@ -198,7 +214,7 @@ def name_the_sure(found: Conclusion) -> bool:
     without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
-    left = max(found.unnamed[0].gain, 0.0) if found.unnamed and set(likeliest) == set(ids) else 0.0
+    left = max(found.beside, 0.0) if set(likeliest) == set(ids) else 0.0
     sure = RELIABLE * float(expit((evidence - without[surest] - LEFT_OVER * left) / nats))
     if alone is None or (surest == found.best.first and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
@@ -265,7 +281,7 @@ def _probabilities(found: Conclusion) -> None:
     nothing = ((EVEN if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
-        left = max(found.unnamed[0].gain, 0.0) if found.unnamed else 0.0
+        left = max(found.beside, 0.0)
         law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
         nearest = max(*rivals.values(), law / nats - LIKELIER, nothing)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))

@@ -227,6 +227,21 @@ def test_a_change_of_the_lens_that_was_traced_leaves_more(arm: Scene) -> None:
     assert found.verdict == "partly-explained"
 
 
+def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
+    """They are told as what is left; of one meter they speak against the name as anything does."""
+    found = _decided(arm, ("dark-offset", 37.0), ("room-interreflection", 17.0))
+    found.unnamed = [Unnamed("4 readings that stand alone", 140.0, 0.1, single=True)]
+    decide(found, 1.0)
+    assert found.verdict == "partly-explained"
+    assert found.rivals_of_names(found.unnamed) == []
+    meter = replace(found, one_instrument=True)
+    decide(meter, 1.0)
+    assert meter.verdict == "unexplained"
+    smooth = replace(found, unnamed=[Unnamed("gamma", 140.0, 0.1)])
+    decide(smooth, 1.0)
+    assert smooth.verdict == "unexplained"
+
+
 def test_a_double_is_no_rival(arm: Scene) -> None:
     found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
     assert found.verdict == "explained"
