@@ -117,6 +117,30 @@ def test_a_rail_in_the_beam_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
     assert content["mismatch"], "what differs is located"
 
 
+def test_a_meter_that_follows_the_temperature_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
+    """The air lags behind the sun by some hours; the meter loses 0.6 % of its sensitivity with each kelvin."""
+    altitude, _ = _sun(moments())
+    warmth = np.zeros(COUNT * len(DAYS))
+    for day in range(len(DAYS)):
+        air = 16.0
+        for k in range(COUNT):
+            row = day * COUNT + k
+            air += STEP_S / 9000.0 * (16.0 + 20.0 * np.sin(np.radians(altitude[row])) - air)
+            warmth[row] = air
+    content = answer(explain(series(tmp_path / "case", per_root_min=0.05, gain=1.0 - 0.006 * (warmth - 24.0))))
+    assert content["verdict"] == "unexplained" and content["mechanisms"] == []
+    assert max(content["unnamed"], key=lambda u: float(u["nats"]))["along"] == "warming meter"
+
+
+def test_dew_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
+    """In an hour and a half two thirds of the water are gone; only on one morning was there any."""
+    since_h = (moments() - moments()[0]) / 3.6e12
+    wet = np.where(since_h < 20.0, np.exp(-since_h / 1.5), 0.0)
+    content = answer(explain(series(tmp_path / "case", per_root_min=0.05, gain=1.0 - 0.3 * wet)))
+    assert content["verdict"] == "unexplained" and content["mechanisms"] == []
+    assert max(content["unnamed"], key=lambda u: float(u["nats"]))["along"] == "dew on a meter"
+
+
 def test_a_gain_is_not_taken_for_a_clock(tmp_path: Path) -> None:
     (first,) = answer(explain(series(tmp_path / "case", gain=1.05)))["mechanisms"]
     assert first["id"] == "meter-gain"
