@@ -246,11 +246,17 @@ class Search:
         return (*form_error(self.scene, hypothesis.fit.terms, hypothesis.fit.theta), *random)
 
     def least_effect(self, hypothesis: Hypothesis) -> float:
-        """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed."""
+        """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed.
+
+        A clock that is told by its scatter under broken cloud changes them by that, not by what the sun's way tells.
+        """
         fit, r = hypothesis.fit, self.scene.readings
         sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
+        scattered = {wander.name for wander, _, _ in hypothesis.wanders}
         with_it = predict(self.scene, fit.terms, fit.theta)
-        for k in range(len(fit.terms)):
+        for k, term in enumerate(fit.terms):
+            if term.mechanism.id in scattered:
+                continue
             change = (with_it - predict(self.scene, *without(fit.terms, fit.theta, k))) / r.scale
             if np.any(self.scene.is_gonio):
                 mean = np.bincount(r.test, weights=change) / np.maximum(np.bincount(r.test), 1)

@@ -10,14 +10,17 @@ import pytest
 from analysis.cases import Case, write_case
 from analysis.cases.model import CaseFile, Records
 from analysis.explain.answer import answer
-from analysis.explain.families import evenly_restless
+from analysis.explain.families import UNREST, evenly_restless
+from analysis.explain.fit import Fit, Fitter
 from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sluggish import low_passed
 from analysis.explain.mechanisms.timing import ClockOffset
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
+from analysis.explain.search import Hypothesis, Search
 from analysis.explain.series import quiet, unrest
 from analysis.explain.sky_flux import RINGS_DEG, SkyFlux, _flux
 from tests.analysis.explain.campaign import SITE, Floats
@@ -99,6 +102,15 @@ def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> N
     assert first["id"] == "clock-offset"
     told = first["parameters"]["offset_min"]
     assert abs(told["value"] - 40.0 / 60.0) < 2.0 * told["uncertainty"] < 4.0, "neither wrong nor without content"
+
+
+def test_a_clock_told_by_its_scatter_does_not_hide_what_is_beside_it(tmp_path: Path) -> None:
+    """Half a minute of the sun's way is little; what the cloud did in it is not, and an offset beside it is large."""
+    search = Search(Fitter(Scene(Readings.of(series(tmp_path / "case")))))
+    terms = tuple(terms_of(BY_ID[name], search.scene)[0] for name in ("clock-offset", "dark-offset"))
+    fit = Fit(terms, np.array([0.3, -2000.0]), np.zeros(0), np.zeros((0, 2)))
+    assert search.least_effect(Hypothesis(fit, 0.0)) < 0.005
+    assert search.least_effect(Hypothesis(fit, 0.0, wanders=((UNREST, 0.5, 1.0),))) > 0.02
 
 
 def test_two_true_clocks_are_left_alone(tmp_path: Path) -> None:
