@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulate.radiance.lenses import bsdf_file
+from analysis.simulate.radiance.lenses import DEPTH, bsdf_file
 from analysis.simulate.radiance.scene import UNITS_PER_M, check, scene_text
 from analysis.simulate.radiance.tools import radiance
 from analysis.simulate.source import Luminance
@@ -44,6 +44,7 @@ def contributions(
     per_row: int,
     sky: Luminance | int,
     processes: int = 2,
+    depth: int = DEPTH,
 ) -> Floats:
     """Means over each ``per_row`` consecutive rays, shape (rows, columns).
 
@@ -56,13 +57,15 @@ def contributions(
     sky
         Its luminance [cd/m²], which gives one column; or a whole number k for the coefficients of all MF:k patches
         (the first column is the ground). One column for each sun follows.
+    depth
+        Of the tensor trees of prismatic lenses: their finest cells are a ``2 ** depth``-th of the square.
 
     Raises `SimulationError` for what the engine cannot do, and when Radiance fails.
     """
     check(system)
     with tempfile.TemporaryDirectory(prefix="labdaq-radiance-") as name:
         folder = Path(name)
-        lenses = {p: bsdf_file(getattr(system, p), folder) for p in ("entry", "exit") if _prismatic(system, p)}
+        lenses = {p: bsdf_file(getattr(system, p), folder, depth) for p in ("entry", "exit") if _prismatic(system, p)}
         text = scene_text(system, lenses, suns, half_angle_deg, sky_data=not isinstance(sky, int))
         (folder / "scene.rad").write_text(text)
         command = ["rcontrib", "-w", "-h", "-fff", "-n", str(processes), "-c", str(per_row), *_PARAMETERS]

@@ -11,12 +11,14 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from analysis.photometry import Distribution
 from analysis.simulate.daylight import Daylight
 from analysis.simulate.prediction import Prediction, SunAndSky
 from analysis.simulate.radiance.aperture import aperture_rays
 from analysis.simulate.radiance.contributions import contributions
+from analysis.simulate.radiance.lenses import DEPTH
 from analysis.simulate.radiance.scene import sees_sun_directly
 from analysis.simulate.source import SUN_RADIUS_DEG, Luminance, cell_directions
 from analysis.simulate.system import System
@@ -63,7 +65,8 @@ def radiance_prediction(
     ``precision`` is the root mean square relative uncertainty of the sky part where it is above 5 % of its largest
     value; a pilot run says how many rays that takes (at most `MOST_RAYS` a direction). The sun part comes with the same
     rays and says its own uncertainty, often several times as large. ``seed`` chooses the rays' starts; what Radiance
-    draws on their way differs from run to run.
+    draws on their way differs from run to run. With prismatic lenses everything is run once more with trees of cells
+    twice as wide: what that changes beyond the statistics is in the uncertainties too.
     Raises `SimulationError` for what the engine cannot do (haze, soiling, isotropic lenses, spread walls).
     """
     wanted = distance_m if distance_m > 0.0 else 0.0
@@ -73,10 +76,15 @@ def radiance_prediction(
     if have > precision:
         rays = int(min(MOST_RAYS, PILOT * 1.2 * (have / precision) ** 2))
         found = _field(system, daylight, gamma_deg, c_deg, wanted, rays, seed)
-    near = found if distance_m > 0.0 else None
-    far = found if near is None else _field(system, daylight, gamma_deg, c_deg, 0.0, rays, seed)
+    far = found if wanted == 0.0 else _field(system, daylight, gamma_deg, c_deg, 0.0, rays, seed)
+    fields = {wanted: found, 0.0: far}
+    if "prismatic" in (system.entry.kind, system.exit.kind):
+        for at_m, fine in fields.items():
+            coarse = _field(system, daylight, gamma_deg, c_deg, at_m, rays, seed, DEPTH - 1)
+            fields[at_m] = _with_cells(fine, coarse)
+    near = fields[wanted] if wanted > 0.0 else None
     facts: dict[str, Any] = {"seed": seed, "rays_per_direction": rays, "sun_half_angle_deg": sun_half_angle_deg(system)}
-    return Prediction(system, daylight, "radiance", far, near, distance_m, facts)
+    return Prediction(system, daylight, "radiance", fields[0.0], near, distance_m, facts)
 
 
 def coefficients(
@@ -117,13 +125,14 @@ def _field(
     distance_m: float,
     rays: int,
     seed: int,
+    depth: int = DEPTH,
 ) -> SunAndSky:
-    """One field of a prediction: the sky as it is, and the sun that the scene has."""
+    """One field of a prediction: the sky as it is, and the sun that the scene has; statistical uncertainties."""
     gamma, c = (grid.ravel() for grid in np.meshgrid(gamma_deg, c_deg[:-1]))
     per_part = max(1, rays // PARTS)
     start, weight = aperture_rays(system, gamma, c, distance_m, per_part * PARTS, np.random.default_rng(seed))
     half_angle = sun_half_angle_deg(system)
-    found = contributions(system, _suns([day]), half_angle, start, per_part, day.sky)
+    found = contributions(system, _suns([day]), half_angle, start, per_part, day.sky, depth=depth)
     found = found.reshape(len(gamma), PARTS, -1).transpose(1, 0, 2) * weight[:, None]
     sky, sun = found[..., 0], np.zeros_like(found[..., 0])
     if found.shape[-1] > 1:
@@ -134,8 +143,37 @@ def _field(
     for values in (sun, sky):
         mean = values.mean(axis=0).reshape(len(c_deg) - 1, len(gamma_deg))
         error = (values.std(axis=0, ddof=1) / math.sqrt(PARTS)).reshape(mean.shape)
+        if values is sun and not sees_sun_directly(system):
+            error = _of_few_hits(mean, error)
         parts += [Distribution.closed(gamma_deg, c_deg[:-1], mean), np.concatenate([error, error[:1]])]
     return SunAndSky(parts[0], parts[2], parts[1], parts[3])
+
+
+def _of_few_hits(mean: Floats, error: Floats) -> Floats:
+    """Standard uncertainties of directions from which a ray seldom meets the cap.
+
+    Where by chance none did, or each part had one, the parts do not scatter. Variances of counts are as their means:
+    the ratio is taken from all directions, the mean from the neighbours.
+    """
+    each = np.sum(error**2) / max(float(mean.sum()), 1e-300)
+    found: Floats = np.sqrt(np.maximum(error**2, each * uniform_filter(mean, 3, mode=("wrap", "nearest"))))
+    return found
+
+
+def _with_cells(fine: SunAndSky, coarse: SunAndSky) -> SunAndSky:
+    """The fine field, with what its trees' cells may cost in its uncertainties.
+
+    A tree has one value for all directions of a cell. What cells of twice the width change, beyond what both fields'
+    statistics say, stands for what these cells cost; squares are averaged over neighbouring directions.
+    """
+    errors = []
+    for part in ("sun", "sky"):
+        here, there = (getattr(field, part).candela[:-1] for field in (fine, coarse))
+        noise, more = (getattr(field, f"{part}_uncertainty")[:-1] for field in (fine, coarse))
+        beyond = uniform_filter((here - there) ** 2 - noise**2 - more**2, 3, mode=("wrap", "nearest"))
+        error = np.sqrt(noise**2 + np.maximum(beyond, 0.0))
+        errors.append(np.concatenate([error, error[:1]]))
+    return SunAndSky(fine.sun, fine.sky, *errors)
 
 
 def sun_half_angle_deg(system: System) -> float:

@@ -8,20 +8,30 @@ from numpy.typing import NDArray
 from scipy.integrate import dblquad
 from scipy.stats import qmc
 
+from analysis.photometry import Distribution
 from analysis.simulate.components import Lens, Wall
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.kernels.optics import slab
 from analysis.simulate.predict import predict
-from analysis.simulate.prediction import Prediction
+from analysis.simulate.prediction import Prediction, SunAndSky
 from analysis.simulate.radiance.aperture import aperture_rays
 from analysis.simulate.radiance.contributions import contributions
-from analysis.simulate.radiance.engine import coefficients, patch_means, radiance_prediction
+from analysis.simulate.radiance.engine import (
+    PARTS,
+    _of_few_hits,
+    _with_cells,
+    coefficients,
+    patch_means,
+    radiance_prediction,
+)
 from analysis.simulate.radiance.scene import scene_text
 from analysis.simulate.source import suns
 from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import sky_vector, vector
 from labdaq.errors import SimulationError
+from simulators.trial.greenwood import TESTS, VALIDATION
+from tests.analysis.simulate.twelve_suns import compared
 
 Floats = NDArray[np.float64]
 NONE = Lens(kind="none")
@@ -237,3 +247,43 @@ def test_whole_systems_agree(name: str) -> None:
         rms, stated = (float(np.sqrt(np.mean((x[bright] / a[bright]) ** 2))) for x in (b - a, e))
         assert rms < math.hypot(1.2 * stated, 0.04), altitude
         assert stated < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("number", VALIDATION)
+def test_under_the_reports_suns_the_engines_differ_by_no_more_than_they_say(number: int) -> None:
+    for part, found in compared(TESTS[number].system, number).items():
+        assert found.deviation < 1.7, part
+        assert found.within_two > 0.85, part
+        assert abs(found.flux - 1.0) < 3.0 * found.flux_uncertainty + 0.05, part
+
+
+def test_where_few_rays_meet_the_sun_the_parts_do_not_say_how_sure_they_are() -> None:
+    """Counts of a Poisson process, eight parts each: of directions with none the stated uncertainty is not zero."""
+    rng = np.random.default_rng(4)
+    expected = np.full((12, 10), 2.0)
+    counts = rng.poisson(expected / PARTS, size=(PARTS, *expected.shape)).astype(np.float64)
+    mean, error = counts.mean(axis=0), counts.std(axis=0, ddof=1) / math.sqrt(PARTS)
+    truth = expected / PARTS
+    assert np.any(error == 0.0)
+    pooled = _of_few_hits(mean, error)
+    assert np.sqrt(np.mean(((mean - truth) / pooled) ** 2)) < 1.1
+    assert np.all(pooled >= error)
+
+
+def test_what_wider_cells_change_is_in_the_uncertainty() -> None:
+    grid = np.arange(0.0, 90.0, 15.0), np.arange(0.0, 360.0, 45.0)
+    flat, noise = np.full((8, 6), 100.0), np.full((9, 6), 1.0)
+
+    def part(candela: Floats) -> Distribution:
+        return Distribution.closed(*grid, candela)
+
+    fine = SunAndSky(part(flat), part(flat), noise, noise)
+    peak = flat.copy()
+    peak[3, 2] -= 60.0
+    made = _with_cells(fine, SunAndSky(part(peak), part(flat), noise, noise))
+    assert made.sun_uncertainty[3, 2] == pytest.approx(20.0, rel=0.01), "a square of 60, over nine directions"
+    assert made.sun_uncertainty[3, 5] == made.sun_uncertainty[7, 2] == 1.0
+    assert np.array_equal(made.sky_uncertainty, noise)
+    assert made.sun is fine.sun and made.sky is fine.sky
