@@ -113,7 +113,7 @@ class ClockOffset(Mechanism):
             light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
             return
         if np.any(scene.is_roof):
-            sun, sky = _clear_later(scene, float(p[0]))
+            sun, sky = _clear_later(scene, _altitude_later(scene, float(p[0])))
             light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
             light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
         if branch.value == "image":
@@ -144,13 +144,13 @@ def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
     return turned(field, axis, np.degrees(np.arctan2(sine, np.sum(now * later, axis=1))))
 
 
-def _clear_later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
-    """Sun and sky part under a steady sky ``minutes`` later, over those now; shapes (N,).
+def _clear_later(scene: Scene, altitude_deg: Floats) -> tuple[Floats, Floats]:
+    """Sun and sky part under a steady sky when the sun stands at these altitudes, over those now; shapes (N,).
 
     The beam's loss in the air grows with the air mass (Kasten 1966); the sky brightens as the root of the sun's height.
     """
     r = scene.readings
-    later = np.maximum(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0], 0.5)
+    later = np.maximum(altitude_deg, 0.5)
     now = np.maximum(r.sun_altitude_at_deg, 0.5)
     height = np.sin(np.radians(later)) / np.sin(np.radians(now))
     normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
@@ -158,27 +158,55 @@ def _clear_later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     return height * np.exp(-lost * (air_mass(later) / air_mass(now) - 1.0)), np.sqrt(height)
 
 
+def _altitude_later(scene: Scene, minutes: float) -> Floats:
+    """The sun's altitude [deg] so many minutes after each reading; (N,)."""
+    r = scene.readings
+    return np.asarray(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0])
+
+
 def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     """Sun and sky part ``minutes`` later over those now; shapes (N,).
 
     What the air lets through is read from the predicted series itself; the sun's way is added as under a steady sky, so
-    that the ends of a series, where nothing is known of later clouds, still move with the sun.
+    that the ends of a series, where nothing is known of later clouds, still move with the sun. The last answer is kept:
+    beside a clock many other mechanisms are tried.
     """
+    last = scene.memory.get(_later)
+    if last is not None and last[0, 0] == minutes:
+        return last[1], last[2]
     r = scene.readings
-    sun, sky = (part.copy() for part in _clear_later(scene, minutes))
-    passed = (r.sun / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.sky)
+    then = _altitude_later(scene, minutes)
+    sun, sky = _clear_later(scene, then)
+    way = _clear_beam(then) / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9)
+    passed, steady = scene.remember(_passed), scene.remember(_steady)
     for s in series_of(scene):
         rows, t = s.rows, s.t
-        then = sun_at(r.case, r.utc_ns[rows] + np.int64(round(minutes * 60e9)))[0]
-        beam = _clear_beam(then) / np.maximum(_clear_beam(r.sun_altitude_at_deg[rows]), 1e-9)
         inside = (t + minutes >= t[0]) & (t + minutes <= t[-1])
-        noises = (r.noise / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.noise)
-        for factor, part, noise, way in zip((sun, sky), passed, noises, (beam, np.ones_like(beam)), strict=True):
-            part, floor = part[rows], 1e-9 * max(float(part[rows].max()), 1e-9)
-            steady = quiet(t, part, noise[rows])
-            moved = way * (part - steady + np.interp(t + minutes, t, steady)) / np.maximum(part, floor)
+        for k, (factor, along) in enumerate(((sun, way[rows]), (sky, 1.0))):
+            part, even = passed[k, rows], steady[k, rows]
+            floor = 1e-9 * max(float(part.max()), 1e-9)
+            moved = along * (part - even + np.interp(t + minutes, t, even)) / np.maximum(part, floor)
             factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
+    scene.memory[_later] = np.stack([np.full(len(r), minutes), sun, sky])
     return sun, sky
+
+
+def _passed(scene: Scene) -> Floats:
+    """What the air let through of the sun part, and the sky part; (2, N)."""
+    r = scene.readings
+    return np.stack([r.sun / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.sky])
+
+
+def _steady(scene: Scene) -> Floats:
+    """The same without the noise of the prediction's series; (2, N)."""
+    r = scene.readings
+    passed = scene.remember(_passed)
+    noise = np.stack([r.noise / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.noise])
+    made = passed.copy()
+    for s in series_of(scene):
+        for k in (0, 1):
+            made[k, s.rows] = quiet(s.t, passed[k, s.rows], noise[k, s.rows])
+    return made
 
 
 def _clear_beam(altitude_deg: Floats) -> Floats:
