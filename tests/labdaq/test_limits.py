@@ -1,6 +1,7 @@
 """A limit ends a block with `TimeoutError`, also where a cancelled task cleans up; it swallows no cancellation."""
 
 import asyncio
+from typing import Any
 
 import pytest
 
@@ -45,6 +46,27 @@ def test_a_cancelled_task_may_still_time_out() -> None:
         assert seen == ["timed out", "in time"]
 
     run_virtual(main())
+
+
+class OldTimeout(asyncio.Timeout):  # type: ignore[misc]
+    """As before Python 3.11.3: in a task that was cancelled once, nothing times out."""
+
+    async def __aexit__(self, *why: Any) -> bool | None:
+        try:
+            return await super().__aexit__(*why)
+        except TimeoutError:
+            task = asyncio.current_task()
+            if task is not None and task.cancelling() > 0:
+                raise asyncio.CancelledError from None
+            raise
+
+
+def test_it_does_so_where_the_standard_library_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    def old(seconds: float) -> OldTimeout:
+        return OldTimeout(asyncio.get_running_loop().time() + seconds)
+
+    monkeypatch.setattr(asyncio, "timeout", old)
+    test_a_cancelled_task_may_still_time_out()
 
 
 @pytest.mark.parametrize("when_s", [0.5, 1.0])
