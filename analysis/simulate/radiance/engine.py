@@ -80,7 +80,7 @@ def radiance_prediction(
     fields = {wanted: found, 0.0: far}
     if "prismatic" in (system.entry.kind, system.exit.kind):
         for at_m, fine in fields.items():
-            coarse = _field(system, daylight, gamma_deg, c_deg, at_m, rays, seed, DEPTH - 1)
+            coarse = _field(system, daylight, gamma_deg, c_deg, at_m, rays, seed + 1, DEPTH - 1)
             fields[at_m] = _with_cells(fine, coarse)
     near = fields[wanted] if wanted > 0.0 else None
     facts: dict[str, Any] = {"seed": seed, "rays_per_direction": rays, "sun_half_angle_deg": sun_half_angle_deg(system)}
