@@ -8,11 +8,11 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
-from analysis.explain.mechanisms.roof_meters import of_channel, roof_channels, why_no_sun
+from analysis.explain.mechanisms.roof_meters import of_channel, roof_channels
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 
-_EACH_DAY = -1
+_EACH = -1
 _DAY_H = 24.0
 
 
@@ -67,29 +67,34 @@ class Dew(Mechanism):
         Parameter("change", "1", "relative change of the reading at sunrise", -0.8, 0.5, 0.2, (-0.2,)),
         Parameter("dry_deg", "deg", "the sun's altitude when two thirds are dry", 3.0, 45.0, 10.0, (8.0, 20.0), 15.0),
     )
-    needs = "sun and sky parts apart; sun angles, or site and times"
-    source = "y (1 + a exp(-altitude / dry)) before noon, on one day or on each"
+    needs = "sun angles, or site and times"
+    source = "y (1 + a exp(-altitude / dry)) before noon, in one test or in each"
     tie_breaker = "a look at the head in the morning, and a cloth"
     kinds = ("roof",)
 
     def why_not(self, scene: Scene) -> str:
         """The sun's place must be known, and a meter on the roof."""
-        return why_no_sun(scene) if scene.kinds == ("roof",) else "no meter is read on the roof alone"
+        if scene.kinds != ("roof",):
+            return "no meter is read on the roof alone"
+        r = scene.readings
+        unknown = np.any(np.isnan(r.sun_altitude_at_deg) | np.isnan(r.sun_azimuth_at_deg))
+        return "neither sun angles nor site and times are given" if unknown else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter, on each day, or on one."""
+        """Each meter, in each test, or in one."""
         tests = scene.readings.case.tests
-        days = [(_EACH_DAY, "each day")] + [(k, tests[k].id) for k in np.unique(scene.readings.test)]
+        ways = [(k, tests[k].id) for k in np.unique(scene.readings.test)]
+        ways = [(_EACH, "each test"), *(ways if len(ways) > 1 else [])]
         return tuple(
-            Branch(f"{head.label}, {name}", (head.value, int(k))) for head in roof_channels(scene) for k, name in days
+            Branch(f"{head.label}, {name}", (head.value, int(k))) for head in roof_channels(scene) for k, name in ways
         )
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Dim the meter's mornings."""
-        channel, day = branch.value
+        channel, test = branch.value
         r = scene.readings
         morning = of_channel(scene, channel) & (np.sin(np.radians(r.sun_azimuth_at_deg)) > 0.0)
-        if day != _EACH_DAY:
-            morning &= r.test == day
+        if test != _EACH:
+            morning &= r.test == test
         wet = np.exp(-np.maximum(r.sun_altitude_at_deg, 0.0) / max(float(p[1]), 0.1))
         return np.asarray(np.where(morning, values * np.maximum(1.0 + p[0] * wet, 0.0), values))
