@@ -51,14 +51,14 @@ LEAST_EFFECT_FIRST = 0.005
 AHEAD = 2.5
 """A law outside the catalogue that gains this more than the names says that they are wrong."""
 APART = 1.2
-"""Rivals within these log odds of a name that is not `SURE` are not told apart from it."""
+"""Rivals within these log odds of a name that is not sure enough are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
 SURE_BELOW = 0.67
 """The same below a skylight. (On other authors' cases one first name of five that was less sure was right.)"""
 SURE_BESIDE = 0.68
-"""Share of a second or a third name among all that could stand in its place: the form of the first leaves what others
-may take."""
+"""Share of a second or a third name among all that could stand in its place (its probability is `RELIABLE` times that):
+the form of the first leaves what others may take."""
 SURE_BESIDE_BELOW = 0.74
 """The same below a skylight."""
 SURE_ALONE = 0.9

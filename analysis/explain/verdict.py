@@ -51,7 +51,7 @@ class Unnamed:
     gain
         Nats of log evidence.
     size
-        Its amplitude (relative), or the conjecture's last parameter.
+        Its amplitude (relative), or the conjecture's first parameter.
     conjecture
         A law that fits it, of physics beyond the catalogue.
     single
@@ -79,12 +79,12 @@ class Conclusion:
         Unnamed structure that still gains beside the best, largest gain first.
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats]; see `rivals_of_names`.
+    law_alone
+        The same of a law that is not in the catalogue.
     one_instrument
         Whether only a meter or a camera was read, no goniometer.
     nat
         So many nats, times the root of what is gained, count as one.
-    law_alone
-        The same of a law that is not in the catalogue.
     considered
         Further sets of names with their evidence, less what a name more has to bring.
     shares
@@ -126,9 +126,9 @@ class Conclusion:
         return [u for u in unnamed if self.one_instrument or not u.single]
 
     @property
-    def beside(self) -> float:
-        """What is left of that beside the best [nats]."""
-        return max((u.gain for u in self.rivals_of_names(self.unnamed)), default=0.0)
+    def left_against(self) -> float:
+        """What is left of that beside the best [nats], at least 0."""
+        return max([0.0, *(u.gain for u in self.rivals_of_names(self.unnamed))])
 
     @property
     def sure(self) -> float:
@@ -169,7 +169,8 @@ def decide(found: Conclusion, few: float) -> None:
 
 def _may_be_left(found: Conclusion, gain: float) -> float:
     """What unnamed structure may gain [nats] beside names whose forms are never quite right."""
-    share = LEFT_OF_LENS if _of_another_lens(found.best) else LEFT_OF_STRONG
+    first = [t for t in found.best.fit.terms if t.mechanism.id == found.best.first]
+    share = LEFT_OF_LENS if any(_traced(t) for t in first) else LEFT_OF_STRONG
     return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 
@@ -214,7 +215,7 @@ def name_the_sure(found: Conclusion) -> bool:
     without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
-    left = max(found.beside, 0.0) if set(likeliest) == set(ids) else 0.0
+    left = found.left_against if set(likeliest) == set(ids) else 0.0
     sure = RELIABLE * float(expit((evidence - without[surest] - LEFT_OVER * left) / nats))
     if alone is None or (surest == found.best.first and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
@@ -234,8 +235,12 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
 
 
 def _of_another_lens(h: Hypothesis) -> bool:
-    """Whether a change of the lens was traced: on a lens that is like the prediction's, but another."""
-    return any(t.mechanism.like_a_lens and isinstance(t.branch.value, Path) for t in h.fit.terms)
+    """Whether a change of the lens was traced: on the prediction's lens or one like it, never on the true one."""
+    return any(_traced(t) for t in h.fit.terms)
+
+
+def _traced(term: Term) -> bool:
+    return term.mechanism.like_a_lens and isinstance(term.branch.value, Path)
 
 
 def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:
@@ -281,7 +286,7 @@ def _probabilities(found: Conclusion) -> None:
     nothing = ((EVEN if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
-        left = max(found.beside, 0.0)
+        left = found.left_against
         law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
         nearest = max(*rivals.values(), law / nats - LIKELIER, nothing)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
