@@ -220,5 +220,6 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
         found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=odd is not None and family is odd[0]))
     for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
-        found.append(Unnamed(law.mechanism.id, h.evidence - alone, float(h.fit.theta[-1]), law))
+        size = float(h.fit.theta[-len(law.parameters)])
+        found.append(Unnamed(law.mechanism.id, h.evidence - alone, size, law))
     return sorted(found, key=lambda u: -u.gain)
