@@ -187,6 +187,7 @@ def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
             floor = 1e-9 * max(float(part.max()), 1e-9)
             moved = along * (part - even + np.interp(t + minutes, t, even)) / np.maximum(part, floor)
             factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
+    # one answer only, its minutes in the first row: a search asks for hundreds of times
     scene.memory[_later] = np.stack([np.full(len(r), minutes), sun, sky])
     return sun, sky
 
