@@ -96,9 +96,13 @@ def test_readings_that_stand_alone_are_not_explained(tmp_path: Path) -> None:
         spots = (rows.gamma_deg == 55.0) & (np.abs(rows.c_deg - 67.5) < 1.0) & (rows.test % 3 == 0)
         return light(rows) * np.where(spots, 2.5, 1.0)
 
-    content = answer(_explained(tmp_path, glint))
+    found = _explained(tmp_path, glint)
+    content = answer(found)
     assert content["verdict"] == "unexplained"
     assert content["mechanisms"] == []
+    assert [u.single for u in found.conclusion.unnamed] == [
+        u.along.endswith("stand alone") for u in found.conclusion.unnamed
+    ]
     assert "stand alone" in content["unnamed"][0]["along"]
 
 
