@@ -1,7 +1,9 @@
 """A limit ends a block with `TimeoutError`, also where a cancelled task cleans up; it swallows no cancellation."""
 
 import asyncio
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from types import TracebackType
 
 import pytest
 
@@ -48,12 +50,21 @@ def test_a_cancelled_task_may_still_time_out() -> None:
     run_virtual(main())
 
 
-class OldTimeout(asyncio.Timeout):  # type: ignore[misc]
+class OldTimeout:
     """As before Python 3.11.3: in a task that was cancelled once, nothing times out."""
 
-    async def __aexit__(self, *why: Any) -> bool | None:
+    def __init__(self, seconds: float, timeout: Callable[[float], asyncio.Timeout]) -> None:
+        self._limit = timeout(seconds)
+        self.expired = self._limit.expired
+
+    async def __aenter__(self) -> asyncio.Timeout:
+        return await self._limit.__aenter__()
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
         try:
-            return await super().__aexit__(*why)
+            return await self._limit.__aexit__(kind, error, trace)
         except TimeoutError:
             task = asyncio.current_task()
             if task is not None and task.cancelling() > 0:
@@ -62,10 +73,7 @@ class OldTimeout(asyncio.Timeout):  # type: ignore[misc]
 
 
 def test_it_does_so_where_the_standard_library_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    def old(seconds: float) -> OldTimeout:
-        return OldTimeout(asyncio.get_running_loop().time() + seconds)
-
-    monkeypatch.setattr(asyncio, "timeout", old)
+    monkeypatch.setattr(asyncio, "timeout", partial(OldTimeout, timeout=asyncio.timeout))
     test_a_cancelled_task_may_still_time_out()
 
 
