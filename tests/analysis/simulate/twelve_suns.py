@@ -11,9 +11,7 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.photometry import Distribution
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, predict
 from analysis.simulate.prediction import SunAndSky
@@ -72,7 +70,7 @@ def compared(system: str, number: int, precision: float = 0.03) -> dict[str, Agr
 def agreement(ours: SunAndSky, theirs: SunAndSky, part: str) -> Agreement:
     """Directions that are not dark, each once."""
     once = np.s_[:-1, :-1]
-    x, y = (values(field, part)[once] for field in (ours, theirs))
+    x, y = (getattr(field, part).candela[once] for field in (ours, theirs))
     error = np.hypot(*(getattr(field, f"{part}_uncertainty")[once] for field in (ours, theirs)))
     bright = x > DARK * x.max()
     bright[1:, 0] = False  # nadir
@@ -87,12 +85,6 @@ def agreement(ours: SunAndSky, theirs: SunAndSky, part: str) -> Agreement:
         stated=float(np.sqrt(np.mean((error / x)[bright] ** 2))),
         largest=float(relative[np.argmax(np.abs(relative))]),
     )
-
-
-def values(field: SunAndSky, part: str) -> NDArray[np.float64]:
-    """Intensities [cd], shape (C, gamma)."""
-    found: Distribution = getattr(field, part)
-    return found.candela
 
 
 def main() -> None:
