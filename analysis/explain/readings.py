@@ -194,6 +194,12 @@ class Readings:
         return self._sun_at_rows[1]
 
     @cached_property
+    def solar_h(self) -> Floats:
+        """Mean solar time of each reading [h], 0 to 24; of Greenwich where the case gives no site; (N,)."""
+        site = self.case.setup.site
+        return np.asarray((self.utc_ns / 3.6e12 + (site.longitude_deg / 15.0 if site is not None else 0.0)) % 24.0)
+
+    @cached_property
     def _sun_at_rows(self) -> tuple[Floats, Floats]:
         if self.has_times and self.case.setup.site is not None:
             altitude, azimuth = sun_at(self.case, self.utc_ns)

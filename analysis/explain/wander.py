@@ -153,9 +153,7 @@ def in_scan_order(scene: Scene, seconds: float) -> Floats:
 
 def in_time_of_day(scene: Scene, minutes: float) -> Floats:
     """A factor that is a smooth random function of the time of day, the same on all days and channels."""
-    t = scene.readings.utc_ns / 6e10
-    site = scene.readings.case.setup.site
-    local = (t + (4.0 * site.longitude_deg if site is not None else 0.0)) % 1440.0  # mean solar time
+    local = 60.0 * scene.readings.solar_h
     nodes = np.arange(local.min() - minutes, local.max() + minutes, 0.7 * minutes)
     return smooth(local, nodes, minutes) * loud(scene)[:, None]
 

@@ -45,16 +45,9 @@ class Warming(Mechanism):
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Scale the meter's readings by the time of day."""
-        swing = np.cos(2.0 * np.pi * (scene.remember(_solar_h) - p[1]) / _DAY_H)
+        swing = np.cos(2.0 * np.pi * (scene.readings.solar_h - p[1]) / _DAY_H)
         mine = of_channel(scene, branch.value)
         return np.asarray(np.where(mine, values * np.maximum(1.0 + p[0] * (swing - p[2]), 0.0), values))
-
-
-def _solar_h(scene: Scene) -> Floats:
-    """Mean solar time of each reading [h]; (N,)."""
-    site = scene.readings.case.setup.site
-    assert site is not None
-    return np.asarray((scene.readings.utc_ns / 3.6e12 + site.longitude_deg / 15.0) % _DAY_H)
 
 
 class Dew(Mechanism):
