@@ -92,6 +92,17 @@ class Scene:
             self.memory[work] = work(self)
         return self.memory[work]
 
+    def remember_last(self, work: Callable[["Scene", float], Floats], at: float) -> Floats:
+        """The array that ``work`` makes of this scene at one value; only the last value's is kept.
+
+        A search asks at hundreds of values, and often again at the last: beside it, many other mechanisms are tried.
+        """
+        for key in [k for k in self.memory if isinstance(k, tuple) and k[0] is work and k[1] != at]:
+            del self.memory[key]
+        if (work, at) not in self.memory:
+            self.memory[work, at] = work(self, at)
+        return self.memory[work, at]
+
     @cached_property
     def fields(self) -> Fields:
         """Predicted fields of every test."""

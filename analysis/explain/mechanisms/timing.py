@@ -108,7 +108,7 @@ class ClockOffset(Mechanism):
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
         if branch.value == "series":
-            sun, sky = _later(scene, float(p[0]))
+            sun, sky = scene.remember_last(_later, float(p[0]))
             light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
             light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
             return
@@ -164,16 +164,12 @@ def _altitude_later(scene: Scene, minutes: float) -> Floats:
     return np.asarray(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0])
 
 
-def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
-    """Sun and sky part ``minutes`` later over those now; shapes (N,).
+def _later(scene: Scene, minutes: float) -> Floats:
+    """Sun and sky part ``minutes`` later over those now; shape (2, N).
 
     What the air lets through is read from the predicted series itself; the sun's way is added as under a steady sky, so
-    that the ends of a series, where nothing is known of later clouds, still move with the sun. The last answer is kept:
-    beside a clock many other mechanisms are tried.
+    that the ends of a series, where nothing is known of later clouds, still move with the sun.
     """
-    last = scene.memory.get(_later)
-    if last is not None and last[0, 0] == minutes:
-        return last[1], last[2]
     r = scene.readings
     then = _altitude_later(scene, minutes)
     sun, sky = _clear_later(scene, then)
@@ -187,9 +183,7 @@ def _later(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
             floor = 1e-9 * max(float(part.max()), 1e-9)
             moved = along * (part - even + np.interp(t + minutes, t, even)) / np.maximum(part, floor)
             factor[rows] = np.where(inside & (part > floor), moved, factor[rows])
-    # one answer only, its minutes in the first row: a search asks for hundreds of times
-    scene.memory[_later] = np.stack([np.full(len(r), minutes), sun, sky])
-    return sun, sky
+    return np.stack([sun, sky])
 
 
 def _passed(scene: Scene) -> Floats:

@@ -153,6 +153,20 @@ def test_dew_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
     assert max(content["unnamed"], key=lambda u: float(u["nats"]))["along"] == "dew on a meter"
 
 
+def test_a_scene_keeps_the_last_value_only(tmp_path: Path) -> None:
+    scene = Scene(Readings.of(series(tmp_path)))
+    made: list[float] = []
+
+    def level(_: Scene, at: float) -> Floats:
+        made.append(at)
+        return np.full(3, at)
+
+    for at in (1.0, 1.0, 2.0, 2.0, 1.0):
+        assert np.all(scene.remember_last(level, at) == at)
+    assert made == [1.0, 2.0, 1.0]
+    assert len(scene.memory) == 1
+
+
 def test_a_gain_is_not_taken_for_a_clock(tmp_path: Path) -> None:
     (first,) = answer(explain(series(tmp_path / "case", gain=1.05)))["mechanisms"]
     assert first["id"] == "meter-gain"
