@@ -73,7 +73,11 @@ def from_files(case: Case, parts: Parts) -> tuple[Floats, Floats]:
     def grid(name: str | None) -> Floats:
         if name is None:
             return np.zeros((len(C_DEG), len(GAMMA_DEG)))
-        return read_lm63(case.folder / name).distribution.at(GAMMA_DEG[None, :], C_DEG[:, None])
+        of = read_lm63(case.folder / name).distribution
+        rings = PchipInterpolator(of.gamma_deg, of.candela[:-1], axis=1, extrapolate=False)(GAMMA_DEG)
+        rings = np.nan_to_num(rings)  # beyond the file's gammas there is no light
+        around = [_around(of.c_deg[:-1], ring) for ring in rings.T]
+        return np.asarray(np.maximum(np.stack(around, axis=1), 0.0))
 
     return (grid(parts.total), grid(None)) if parts.total and not parts.sun else (grid(parts.sun), grid(parts.sky))
 
@@ -108,24 +112,43 @@ def _around(c_deg: Floats, candela: Floats) -> Floats:
 
 
 class Sampler:
-    """Reads fields at directions: bilinear in gamma and C, with the weights worked out once."""
+    """Reads fields at directions, with the weights worked out once.
+
+    Cubic in gamma and C (Keys 1981, IEEE Trans. ASSP 29, 1153, a = -1/2), as an image of the sun is too sharp for
+    straight lines between 5° x 2.5°. Beyond nadir lies the opposite half-plane, beyond the horizon the straight
+    continuation.
+    """
 
     def __init__(self, test: np.ndarray, gamma_deg: Floats, c_deg: Floats) -> None:
-        self._test = test
         gamma, c = _folded(gamma_deg, c_deg)
-        x = np.clip(gamma / GAMMA_DEG[1], 0.0, len(GAMMA_DEG) - 1.000001)
+        planes, rings = len(C_DEG), len(GAMMA_DEG)
+        x = np.clip(gamma / GAMMA_DEG[1], 0.0, rings - 1.000001)
         y = np.mod(c, 360.0) / C_DEG[1]
-        self._i = x.astype(np.intp)
-        self._j = y.astype(np.intp) % len(C_DEG)
-        self._u, self._v = x - self._i, y - np.floor(y)
+        i, j = x.astype(np.intp), y.astype(np.intp)
+        across, along = _keys(x - i), _keys(y - j)
+        beyond = np.where(i + 2 == rings, across[3], 0.0)
+        across += np.stack([0.0 * beyond, -beyond, 2.0 * beyond, -beyond])
+        i4 = np.minimum(i + np.arange(-1, 3)[:, None], rings - 1)
+        j4 = j + np.arange(-1, 3)[:, None, None] + np.where(i4 < 0, planes // 2, 0)
+        places = (test * planes + j4 % planes) * rings + np.abs(i4)
+        self._places = places.reshape(16, -1)
+        self._weights = (along[:, None] * across).reshape(16, -1)
 
     def __call__(self, field: Floats) -> Floats:
-        """Values (N,) of a field (T, P, G)."""
-        t, i, j, u, v = self._test, self._i, self._j, self._u, self._v
-        k = (j + 1) % len(C_DEG)
-        low = (1 - u) * field[t, j, i] + u * field[t, j, i + 1]
-        high = (1 - u) * field[t, k, i] + u * field[t, k, i + 1]
-        return np.asarray((1 - v) * low + v * high)
+        """Values (N,) of a field (T, P, G) that is nowhere negative."""
+        return np.asarray(np.maximum((self._weights * field.ravel()[self._places]).sum(axis=0), 0.0))
+
+
+def _keys(u: Floats) -> Floats:
+    """Weights of four equidistant values for a place ``u`` (N,) between the second and the third; (4, N)."""
+    return 0.5 * np.stack(
+        [
+            -u + 2.0 * u**2 - u**3,
+            2.0 - 5.0 * u**2 + 3.0 * u**3,
+            u + 4.0 * u**2 - 3.0 * u**3,
+            -(u**2) + u**3,
+        ]
+    )
 
 
 def _folded(gamma_deg: Floats, c_deg: Floats) -> tuple[Floats, Floats]:
