@@ -1,0 +1,67 @@
+"""Fields are read between their directions as a smooth function, sharp images included."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.cases.model import Parts
+from analysis.explain.fields import C_DEG, GAMMA_DEG, Sampler, from_files
+from analysis.photometry import Distribution
+from analysis.photometry.lm63 import FileGeneration, write_lm63
+from labdaq import directions
+from tests.analysis.explain.campaign import Floats, make_case
+
+PEAK = directions.vector(np.array(32.0), np.array(73.0))
+
+
+def image(gamma_deg: Floats, c_deg: Floats, width_deg: float = 12.0) -> Floats:
+    """An image of the sun of this rms width, on an even sky [cd]."""
+    away = directions.vector(gamma_deg, c_deg) @ PEAK - 1.0
+    return np.asarray(300.0 * np.cos(np.radians(gamma_deg)) + 2000.0 * np.exp(away / np.radians(width_deg) ** 2))
+
+
+def test_an_image_is_read_to_a_few_thousandths_of_its_peak() -> None:
+    """Straight lines miss it by one and a half per cent."""
+    field = image(GAMMA_DEG[None, :], C_DEG[:, None])[None]
+    rng = np.random.default_rng(2)
+    gamma, c = rng.uniform(0.0, 87.0, 4000), rng.uniform(-360.0, 720.0, 4000)
+    read = Sampler(np.zeros(4000, dtype=np.intp), gamma, c)(field)
+    assert np.max(np.abs(read - image(gamma, c))) < 0.003 * field.max()
+
+
+@given(st.floats(-90.0, 90.0), st.floats(-720.0, 720.0))
+def test_a_plane_field_is_read_exactly(gamma_deg: float, c_deg: float) -> None:
+    """Also across nadir, at the horizon, and where C begins again; nothing is negative."""
+    height = Sampler(np.array([1]), np.array([gamma_deg]), np.array([c_deg]))
+    even = np.stack([np.zeros((len(C_DEG), len(GAMMA_DEG))), np.broadcast_to(GAMMA_DEG, (len(C_DEG), len(GAMMA_DEG)))])
+    expected = abs(gamma_deg) if abs(gamma_deg) >= GAMMA_DEG[1] else None  # at nadir it has an edge
+    if expected is not None:
+        assert height(even)[0] == pytest.approx(expected, abs=1e-4)
+    assert height(even)[0] >= 0.0
+
+
+def test_the_opposite_half_plane_lies_beyond_nadir() -> None:
+    field = image(GAMMA_DEG[None, :], C_DEG[:, None])[None]
+    one, other = (
+        Sampler(np.zeros(1, dtype=np.intp), np.array([g]), np.array([c])) for g, c in ((-6.3, 20.0), (6.3, 200.0))
+    )
+    assert one(field) == pytest.approx(other(field), rel=1e-12)
+
+
+def test_a_coarse_file_is_read_as_smoothly(tmp_path: Path) -> None:
+    """Of 5 x 7.5 degrees, as many programs write; straight lines miss its image by three per cent."""
+    case = make_case(tmp_path / "case")
+    gamma, c = np.arange(0.0, 90.1, 5.0), np.arange(0.0, 360.1, 7.5)
+    candela = image(gamma[None, :], c[:, None])
+    candela[-1] = candela[0]
+    facts = {"TEST": "T1", "TESTLAB": "none", "ISSUEDATE": "2011-06-01", "MANUFAC": "none"}
+    made = Distribution(gamma, c, candela, facts)
+    write_lm63(case.folder / "sun.ies", made, generation=FileGeneration.SIMULATED)
+    sun, sky = from_files(case, Parts(sun="sun.ies", sky="sun.ies"))
+    assert np.array_equal(sun, sky)
+    exact = image(GAMMA_DEG[None, :], C_DEG[:, None])
+    assert np.max(np.abs(sun - exact)) < 0.01 * exact.max()
+    assert np.max(np.abs(made.at(GAMMA_DEG[None, :], C_DEG[:, None]) - exact)) > 0.025 * exact.max()
