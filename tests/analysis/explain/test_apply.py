@@ -85,6 +85,7 @@ def test_dirt_on_one_system_stays_there(tmp_path: Path) -> None:
     assert np.all(made[box] < 0.95 * light(rows_of(WITHHELD))[box])
 
 
+@pytest.mark.slow
 def test_what_a_mechanism_changed_is_kept_with_it(tmp_path: Path) -> None:
     content = answer(explain(make_case(tmp_path / "case", effects.only("tube", effects.dirt(0.25)))))
     (entry,) = content["model"]

@@ -81,6 +81,7 @@ def test_play_acts_to_the_side_that_the_arm_comes_from(arm: Scene) -> None:
     assert np.max(np.abs(made - exact) / np.hypot(exact, 0.02 * top)) < 0.01
 
 
+@pytest.mark.slow
 def test_the_double_of_a_second_name_is_told(tmp_path: Path) -> None:
     """A turned arm is found beside an offset; whether that is of the sensors or of the room, nobody can tell."""
     turned = effects.c_offset(6.0)

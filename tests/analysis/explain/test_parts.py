@@ -60,6 +60,7 @@ def test_a_system_that_cannot_be_traced_stays_whole(tmp_path: Path, own: _Split)
     assert not scene_of(case, own).readings.has_parts
 
 
+@pytest.mark.slow
 def test_the_split_of_the_daylight_is_found_in_sums(tmp_path: Path, own: _Split) -> None:
     case = make_case(tmp_path / "case", effects.split(0.3), parts=False, files=False)
     blind, told = explain(case), explain(case, own)

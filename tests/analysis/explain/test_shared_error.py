@@ -50,6 +50,7 @@ def test_the_weights_are_the_inverse_covariance(tmp_path: Path) -> None:
     assert residual @ whitener.weights(residual) == pytest.approx(whitener.squares(residual[:, None])[0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_predictions_elsewhere_gain_by_it(tmp_path: Path) -> None:
     """Beside a named mechanism, what the lens has wrong is taken off as well; without a name nothing is."""
 
