@@ -63,7 +63,7 @@ def predict(
         Adds the light that the room's surfaces send to the sensors (needs a distance).
     precision
         Relative statistical uncertainty to reach, root mean square over the brighter directions; the rays follow from
-        a pilot run. Of few directions half as much is aimed at, see `analysis.simulate.scored.score`.
+        a pilot run.
     rays
         Rays for each part, instead of a precision.
     gamma_deg

@@ -33,9 +33,6 @@ PILOT_BACK: Final = 64
 MOST_BACK: Final = 1250
 """Rays back to a sky, for each direction and batch."""
 
-COVERAGE: Final = 2.0
-"""So many standard uncertainties are to lie within the precision."""
-
 LAST_SEED: Final = 7919
 
 
@@ -79,8 +76,8 @@ def score(
 ) -> Scored | None:
     """Score one sun or sky in all directions of a grid; None for a skylight in which that is not possible.
 
-    ``precision``: relative; two standard uncertainties shall lie within it, forwards in the root mean square of the
-    brighter directions, backwards in each; 0 takes the settings' rays (backwards: for all directions together).
+    ``precision``: relative standard uncertainty to reach, forwards in the root mean square of the brighter directions,
+    backwards in each; 0 takes the settings' rays (backwards: for all directions together).
     """
     aimed = can_be_aimed(system, sampler)
     if source.mode == SKY and can_be_followed_back(system, sampler) and not (aimed and system.exit.kind == "none"):
@@ -100,7 +97,7 @@ def _forwards(system: System, source: Source, settings: Settings, precision: flo
     for again in range(1, 4):
         batches = np.average([run[1] for run in runs], axis=0, weights=[run[0] for run in runs])
         have, rays = _relative(batches), sum(run[0] for run in runs)
-        needed = min(MOST_RAYS, 1.05 * rays * (COVERAGE * have / precision) ** 2) if precision > 0.0 else 0
+        needed = min(MOST_RAYS, 1.05 * rays * (have / precision) ** 2) if precision > 0.0 else 0
         if needed <= 1.05 * rays:
             break
         runs.append(traced(int(needed - rays), again))
@@ -124,7 +121,7 @@ def _backwards(system: System, source: Source, settings: Settings, precision: fl
     batches = traced(rays, 0)
     if precision > 0.0:
         mean = np.maximum(batches.mean(axis=0), 1e-300)
-        needed = np.minimum(MOST_BACK, rays * (COVERAGE * _error(batches) / mean / precision) ** 2)
+        needed = np.minimum(MOST_BACK, rays * (_error(batches) / mean / precision) ** 2)
         # no less than as many again: what is traced must not depend much on the pilot's luck
         more = np.maximum(needed - rays, rays).astype(np.int64)
         batches = (rays * batches + more * traced(more, 1)) / (rays + more)

@@ -133,7 +133,7 @@ def test_stated_error_covers(name: str, altitude: float) -> None:
 
 def test_precision_is_reached_in_few_directions() -> None:
     day = daylight(50.0, 130.0, 60_000.0, 20_000.0, "uniform")
-    made = predict(named("top"), day, distance_m=2.6, precision=0.02, gamma_deg=ARM_GAMMA_DEG, c_deg=ARM_C_DEG)
+    made = predict(named("top"), day, distance_m=2.6, precision=0.01, gamma_deg=ARM_GAMMA_DEG, c_deg=ARM_C_DEG)
     seen = made.field("near")
     for part in ("sun", "sky"):
         candela, error = getattr(seen, part).candela, getattr(seen, f"{part}_uncertainty")
