@@ -58,11 +58,11 @@ def conclude(search: Search) -> Conclusion:
 
 def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
+    doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
+    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens for t in h.fit.terms):
+        return NAME_FIRST_LENS
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    of_the_sun = any(t.mechanism.stage in _OF_THE_SUN for t in h.fit.terms)
-    if (of_the_sun and not found.one_instrument) or any(t.mechanism.like_a_lens for t in h.fit.terms):
-        return NAME_FIRST_LENS
     return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW
 
 
