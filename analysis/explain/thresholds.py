@@ -15,8 +15,9 @@ NAME_FIRST_BELOW = 10.0
 NAME_FIRST_RANDOM = 20.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
 NAME_FIRST_LENS = 24.0
-"""The same for what looks like a lens simulated a little wrong; below a skylight also for what makes one test's sun
-brighter or dimmer than another's or moves it, as a lens does whose error depends on where the sun stands."""
+"""The same for what looks like a lens simulated a little wrong, and for a clock, which is the likest of hundreds of
+offsets; below a skylight also for what makes one test's sun brighter or dimmer than another's or moves it, as a lens
+does whose error depends on where the sun stands."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
@@ -72,7 +73,7 @@ IMITATION_LENS = 2.5
 """The same of a change of the lens that was traced on another lens: its form takes less than half of what there is."""
 ROUGH = Hyper(3.0, 4.0)
 """A shape error or a scatter of so many times the usual is not what a simulation leaves: something is left."""
-LEAST_ROUGH = 120.0
+LEAST_ROUGH = 75.0
 """A name beside so much that is left must gain this."""
 STRONG = 1000.0
 """A name that gains this explains, however rough what is left;"""
