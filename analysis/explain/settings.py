@@ -54,7 +54,7 @@ def paths_of(traced: Tracing) -> dict[str, tuple[Path, ...]]:
         "wall-scatter": tuple(_every(traced, _scatter(traced))),
         "wall-reflectance": tuple(_reflectances(traced)),
         "bounce-truncation": tuple(_every(traced, _limits(traced))),
-        "clock-offset": tuple(_clock(traced)),
+        "clock-offset": tuple(_every(traced, _clock(traced))),
     }
     return {key: paths for key, paths in made.items() if paths}
 
