@@ -10,7 +10,7 @@ NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
 EVEN = 8.0
 """Of one instrument, a first name that beats "nothing" by this is as likely wrong as right."""
-NAME_FIRST_BELOW = 10.0
+NAME_FIRST_BELOW = 15.0
 """The same below a skylight, where no simulated lens is quite right."""
 NAME_FIRST_RANDOM = 20.0
 """The same for a random effect: it also leans on a simulation's own ripple (unless repeated readings show it)."""
