@@ -74,7 +74,7 @@ def from_files(case: Case, parts: Parts) -> tuple[Floats, Floats]:
         if name is None:
             return np.zeros((len(C_DEG), len(GAMMA_DEG)))
         of = read_lm63(case.folder / name).distribution
-        rings = CubicSpline(of.gamma_deg, of.candela[:-1], axis=1, extrapolate=False)(GAMMA_DEG)
+        rings = PchipInterpolator(of.gamma_deg, of.candela[:-1], axis=1, extrapolate=False)(GAMMA_DEG)
         rings = np.nan_to_num(rings)  # beyond the file's gammas there is no light
         around = [_around(of.c_deg[:-1], ring) for ring in rings.T]
         return np.asarray(np.maximum(np.stack(around, axis=1), 0.0))
