@@ -55,8 +55,8 @@ APART = 1.2
 """Rivals within these log odds of a name that is not sure enough are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
-SURE_BELOW = 0.67
-"""The same below a skylight. (On other authors' cases one first name of five that was less sure was right.)"""
+SURE_BELOW = 0.7
+"""The same below a skylight. (On other authors' cases two first names of nine that were less sure were right.)"""
 SURE_BESIDE = 0.68
 """Share of a second or a third name among all that could stand in its place (its probability is `RELIABLE` times that):
 the form of the first leaves what others may take."""
