@@ -115,7 +115,6 @@ class GammaOffset(Mechanism):
     )
     source = "I(gamma + d, C)"
     tie_breaker = "a spirit level on the arm"
-    local_error = 0.2  # sharp images lie a little elsewhere than simulated
 
     def form_error_in(self, scene: Scene) -> float:
         """Between recorded directions the light is only interpolated."""
