@@ -86,7 +86,7 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
     type=click.FloatRange(0.001, 0.5),
     default=0.01,
     show_default=True,
-    help="Statistical error to reach, root mean square; with --directions arm, for two standard errors.",
+    help="Relative standard error to reach, root mean square over the brighter directions.",
 )
 @click.option("--rays", type=click.IntRange(min=1000), help="Rays for each part, instead of a precision.")
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
