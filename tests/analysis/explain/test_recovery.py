@@ -71,7 +71,7 @@ def _explained(folder: Path, truth: Truth, seed: int = 1) -> dict[str, Any]:
     return content
 
 
-_OTHERS_LIKE_IT = {"c", "gamma", "gain", "power", "leak", "soiling"}
+_OTHERS_LIKE_IT = {"c", "gamma", "gain", "power", "leak", "room", "soiling"}
 """Worlds that prove nothing that another does not, but for their own mechanism."""
 
 

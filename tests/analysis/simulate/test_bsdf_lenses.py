@@ -131,6 +131,7 @@ def test_a_box_of_files_is_the_box_they_were_made_of(tmp_path: Path, form: objec
     assert np.allclose(ratio, 1.0, atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_sun_through_files_reads_them_at_the_sun_itself(tmp_path: Path) -> None:
     """Tables made for the sun, and the general ones between directions of incidence."""
     made = bsdf_file(Lens(), tmp_path)
