@@ -28,11 +28,9 @@ def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Ex
         smooth, local = term.mechanism.form_error_in(scene), term.mechanism.local_error_in(scene, term.branch)
         change = _change(scene, terms, theta, k)[:, None]
         if smooth > 0.0:
-            parts += [
-                np.sqrt(0.5) * smooth * change * shape for shape in (_over_directions(scene, SMOOTH_DEG), by_test)
-            ]
+            parts += [np.sqrt(0.5) * smooth * change * shape for shape in (scene.remember(sphere, SMOOTH_DEG), by_test)]
         if local > 0.0:
-            parts.append(local * change * _over_directions(scene, LOCAL_DEG))
+            parts.append(local * change * scene.remember(sphere, LOCAL_DEG))
     return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
 
 
@@ -49,11 +47,3 @@ def _change(scene: Scene, terms: tuple[Term, ...], theta: Floats, k: int) -> Flo
     r = scene.readings
     with_it = r.stretched(predict(scene, terms, theta))
     return np.asarray(with_it - r.stretched(predict(scene, *without(terms, theta, k))))
-
-
-def _over_directions(scene: Scene, degrees: float) -> Floats:
-    """A random function of direction (N, K), kept with the scene."""
-    key = (_over_directions, degrees)
-    if key not in scene.memory:
-        scene.memory[key] = sphere(scene, degrees)
-    return scene.memory[key]

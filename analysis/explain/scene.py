@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Concatenate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,24 +85,22 @@ class Scene:
     readings: Readings
     retraced: Retraced | None = None
     sky_part: Floats | None = None
-    memory: dict[object, Floats] = field(default_factory=dict)
+    memory: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
-    def remember(self, work: Callable[["Scene"], Floats]) -> Floats:
-        """The array that ``work`` makes of this scene, made once."""
-        if work not in self.memory:
-            self.memory[work] = work(self)
-        return self.memory[work]
+    def remember(self, work: Callable[Concatenate["Scene", ...], Floats], *at: float) -> Floats:
+        """The array that ``work`` makes of this scene (at these values), made once."""
+        if (work, *at) not in self.memory:
+            self.memory[work, *at] = work(self, *at)
+        return self.memory[work, *at]
 
-    def remember_last(self, work: Callable[["Scene", float], Floats], at: float) -> Floats:
-        """The array that ``work`` makes of this scene at one value; only the last value's is kept.
+    def remember_last(self, work: Callable[Concatenate["Scene", ...], Floats], *at: float) -> Floats:
+        """The same, but only the last values' array is kept.
 
         A search asks at hundreds of values, and often again at the last: beside it, many other mechanisms are tried.
         """
-        for key in [k for k in self.memory if isinstance(k, tuple) and k[0] is work and k[1] != at]:
+        for key in [k for k in self.memory if k[0] == work and k[1:] != at]:
             del self.memory[key]
-        if (work, at) not in self.memory:
-            self.memory[work, at] = work(self, at)
-        return self.memory[work, at]
+        return self.remember(work, *at)
 
     @cached_property
     def fields(self) -> Fields:

@@ -51,10 +51,7 @@ class Wander:
 
     def extra(self, scene: Scene, amplitude: float, length: float) -> Extra:
         """The effect at one amplitude and length."""
-        key = (self.columns, length)
-        if key not in scene.memory:
-            scene.memory[key] = self.columns(scene, length)
-        return Extra(scene.memory[key], amplitude)
+        return Extra(scene.remember(self.columns, length), amplitude)
 
 
 def sun_share(scene: Scene) -> Floats:
