@@ -117,6 +117,13 @@ class Sampler:
     Cubic in gamma and C (Keys 1981, IEEE Trans. ASSP 29, 1153, a = -1/2), as an image of the sun is too sharp for
     straight lines between 5° x 2.5°. Beyond nadir lies the opposite half-plane, beyond the horizon the straight
     continuation.
+
+    Parameters
+    ----------
+    test : shape (N,), integers
+        Number of the field that each row is read from.
+    gamma_deg, c_deg : shape (N,) [deg]
+        Where; a negative gamma lies in the opposite half-plane, gammas over 90° are read at 90°.
     """
 
     def __init__(self, test: np.ndarray, gamma_deg: Floats, c_deg: Floats) -> None:
@@ -126,8 +133,10 @@ class Sampler:
         y = np.mod(c, 360.0) / C_DEG[1]
         i, j = x.astype(np.intp), y.astype(np.intp)
         across, along = _keys(x - i), _keys(y - j)
-        beyond = np.where(i + 2 == rings, across[3], 0.0)
-        across += np.stack([0.0 * beyond, -beyond, 2.0 * beyond, -beyond])
+        beyond = np.where(i + 2 == rings, across[3], 0.0)  # a fourth value as straight as the second and the third
+        across[1] -= beyond
+        across[2] += 2.0 * beyond
+        across[3] -= beyond
         i4 = np.minimum(i + np.arange(-1, 3)[:, None], rings - 1)
         j4 = j + np.arange(-1, 3)[:, None, None] + np.where(i4 < 0, planes // 2, 0)
         places = (test * planes + j4 % planes) * rings + np.abs(i4)
