@@ -35,6 +35,8 @@ SETTING_OF = {
     "offset_min": "minutes",
 }
 """Parameter of a path to the simulator's setting; minutes move the sun."""
+_OF_ALL = {"clock-offset"}
+"""What is true of all systems, though the readings of one may tell it: there is one clock."""
 _ROOM_GAMMA = np.arange(0.0, 90.1, 7.5)
 _ROOM_C = np.arange(0.0, 360.0, 22.5)
 
@@ -79,7 +81,9 @@ def _sorted_out(
         start += len(term.parameters)
         name = term.parameters[0].name if term.parameters else ""
         if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and isinstance(term.branch.value, Path | None):
-            settings.append((_system_in(scene, term.branch.label), *_setting(name, float(p[0]), term.branch.label)))
+            everywhere = term.mechanism.id in _OF_ALL
+            system = None if everywhere else _system_in(scene, term.branch.label)
+            settings.append((system, *_setting(name, float(p[0]), term.branch.label)))
             ids.append(term.mechanism.id)
             continue
         if term.mechanism.id == "room-interreflection":

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.explain import settings, tracing
+from analysis.explain import again, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
@@ -205,3 +205,17 @@ def test_a_mechanism_does_what_was_traced(
     assert light.sun == pytest.approx(sun)
     if mechanism != "clock-offset":  # the sky's light is as it was measured
         assert light.sky == pytest.approx(sky)
+
+
+def test_one_system_may_tell_a_clock_and_all_suns_move(
+    scene: Scene, made: Retracings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = _path(made, "clock-offset", "own re-simulation, box only")
+    assert np.std(alone.sun[-1][BOX]) > 0.01
+    assert np.all(alone.sun[:, TUBE] == 1.0)
+    monkeypatch.setattr(again, "RAYS", 2_000)
+    told = term(scene, "clock-offset", alone.label)
+    found = again.simulated_again(scene, (told,), np.array([15.0]))
+    assert found is not None
+    change = found.predicted / scene.readings.simulated
+    assert all(np.std(change[scene.readings.test == test]) > 0.01 for test in (BOX, TUBE))
