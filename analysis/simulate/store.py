@@ -6,6 +6,7 @@ whole folder may be deleted at any time.
 
 import functools
 import hashlib
+import io
 import json
 import os
 import tempfile
@@ -49,13 +50,19 @@ def kept(kind: str, recipe: Mapping[str, Any], make: Callable[[], dict[str, NDAr
             return {name: stored[name] for name in stored.files}
     except (OSError, ValueError, EOFError, KeyError):
         pass
-    arrays = make()
+    arrays, packed = make(), io.BytesIO()
+    np.savez(packed, allow_pickle=False, **arrays)
+    keep(path, packed.getvalue())
+    return arrays
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Keep a file of the cache for the next time, if the cache can be written; whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
-        Path(name).replace(path)
+            file.write(content)
+        Path(part).replace(path)
     except OSError:
         pass
-    return arrays

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.simulate.components import Lens
-from analysis.simulate.store import cache_folder, code_digest, content_key
+from analysis.simulate.store import cache_folder, code_digest, content_key, keep
 
 DEPTH = 5
 """Finest cells of the trees are 1/32 of the square: about 3.6 degrees near the normal."""
@@ -37,19 +37,11 @@ def klems_file(lens: Lens, folder: Path) -> Path:
 def _kept(lens: Lens, folder: Path, form: dict[str, Any]) -> Path:
     recipe = {name: getattr(lens, name) for name in _OPTICAL} | form | {"code": code_digest("analysis/bsdf")}
     name = f"{content_key(recipe)}.xml"
-    kept = cache_folder("bsdf") / name
-    here = folder / name
-    if not kept.is_file():
-        made = _traced(lens, folder / f"new-{name}", form)
-        try:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            part = kept.with_suffix(".part")
-            shutil.copyfile(made, part)
-            part.replace(kept)
-        except OSError:
-            made.replace(here)
-            return here
-    shutil.copyfile(kept, here)
+    here, known = folder / name, cache_folder("bsdf") / name
+    if known.is_file():
+        shutil.copyfile(known, here)
+    else:
+        keep(known, _traced(lens, here, form).read_bytes())
     return here
 
 

@@ -14,6 +14,7 @@ from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight
 from analysis.simulate.lens_file import WIDE_HALF, wide_nodes
 from analysis.simulate.predict import predict
+from analysis.simulate.radiance import lenses
 from analysis.simulate.radiance.lenses import bsdf_file, klems_file
 from analysis.simulate.source import suns
 from analysis.simulate.system import System, load, named
@@ -39,6 +40,26 @@ def window(file: Path, **changes: object) -> System:
     """A hole in the roof, closed by one lens."""
     lens = Lens(kind="bsdf", bsdf=str(file))
     return System(rise_m=0.0, well_depth_m=1e-3, entry=Lens(kind="none")).replace(exit=lens).with_settings(changes)
+
+
+@pytest.mark.parametrize("cache", ["fresh", "none"])
+def test_a_file_is_made_once_and_leaves_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: str
+) -> None:
+    """Also where nothing can be kept."""
+    home, folder, lens = tmp_path / "cache", tmp_path / "made", Lens()
+    folder.mkdir()
+    if cache == "none":
+        home.write_text("not a folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    monkeypatch.setattr(lenses, "_traced", lambda lens, path, form: (path.write_text(str(form)), path)[1])
+    first = klems_file(lens, folder)
+    assert list(folder.iterdir()) == [first]
+    content = first.read_bytes()
+    first.unlink()
+    assert klems_file(lens, folder).read_bytes() == content
+    if cache == "fresh":
+        assert [path.name for path in home.rglob("*.*")] == [first.name]
 
 
 def test_wide_nodes_are_the_whole_hemisphere() -> None:
