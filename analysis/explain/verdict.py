@@ -157,8 +157,9 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + AHEAD:
         found.verdict = "unexplained"
-    elif not found.best.fit.ids and not found.one_instrument:
-        # a random effect says how readings scatter together, but predicts none; of a camera's exposures that is all
+    elif not found.best.fit.ids and not found.one_instrument and not set(found.best.ids) <= found.shown:
+        # a random effect predicts no reading, and leans on ripple, unless repeats of one direction show it themselves;
+        # of a camera's exposures it is all there is to say
         found.verdict = "partly-explained"
     else:
         found.verdict = "explained"

@@ -150,6 +150,7 @@ def _covers(sector: list[float], c_deg: float) -> bool:
 def test_a_beam_that_wanders_is_found_in_time_not_in_direction(tmp_path: Path) -> None:
     content = _explained(tmp_path, effects.clouds(0.08, 45.0))
     assert content["mechanisms"][0]["id"] == "cloud-drift"
+    assert content["verdict"] == "explained"  # nadir shows it
     found = content["mechanisms"][0]["parameters"]["sd"]
     assert found["value"] == pytest.approx(0.08, rel=0.7)  # amplitudes are tried a factor 2.5 apart
 

@@ -197,10 +197,15 @@ def test_what_was_there_first_is_weighed_against_nothing(picture: Scene) -> None
     assert found.verdict == "unexplained"
 
 
-def test_exposures_explain_a_camera_and_a_cloud_does_not_explain_an_arm(picture: Scene) -> None:
-    for alone, verdict in ((True, "explained"), (False, "partly-explained")):
+def test_exposures_explain_a_camera_and_a_cloud_an_arm_only_if_repeats_show_it(picture: Scene) -> None:
+    for alone, shown, verdict in (
+        (True, False, "explained"),
+        (False, False, "partly-explained"),
+        (False, True, "explained"),
+    ):
         shutter = Hypothesis(_hypothesis(picture, 0.0).fit, 200.0, ((SHUTTER, 0.05, 1.0),))
         found = Conclusion(shutter, _hypothesis(picture, 0.0), [shutter], one_instrument=alone)
+        found.shown = set(shutter.ids) if shown else set()
         decide(found, 1.0)
         assert found.verdict == verdict
 
