@@ -4,7 +4,7 @@ import csv
 import io
 import json
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +55,7 @@ class Labdaq:
         scene, fit = self.found.scene, self.found.conclusion.best.fit
         if self.content["verdict"] in SILENT or not fit.terms:
             return self.readings.simulated[rows]
-        part = replace(scene, readings=self.readings.only(~rows), memory={})
-        theta = Fitter(part).fit(fit.terms, fit.theta, fit.hyper).theta
+        theta = Fitter(scene.only(~rows)).fit(fit.terms, fit.theta, fit.hyper).theta
         return predict(scene, fit.terms, theta)[rows]
 
     def elsewhere(self, case: Case) -> Floats:

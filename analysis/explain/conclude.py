@@ -3,7 +3,8 @@
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.families import CLOUD, named_wanders, odd_readings, unnamed_wanders
+from analysis.explain.alone import odd_readings
+from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
@@ -210,14 +211,16 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
 def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:
     """Unnamed structure that could stand beside ``base``, largest gain first."""
     alone = search.reweighed(base, extra)
-    families = [(family, 0.0) for family in unnamed_wanders(search.scene)]
-    if odd := odd_readings(search.scene, base.fit, search.fitter.whitener(base.fit.hyper, extra)):
-        families.append(odd)
     found = []
-    for family, ways in families:
+    for family in unnamed_wanders(search.scene):
         h = search.wandering(base, family, extra)
-        gain = h.evidence - ways - alone
-        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=odd is not None and family is odd[0]))
+        found.append(Unnamed(family.along, h.evidence - alone, h.wanders[-1][1]))
+    whole = search.before_quieting
+    if odd := odd_readings(whole, base.fit, extra):
+        family, ways = odd
+        h = whole.wandering(base, family, extra)
+        gain = h.evidence - ways - whole.reweighed(base, extra)
+        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=True))
     for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
         size = float(h.fit.theta[-len(law.parameters)])

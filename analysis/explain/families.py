@@ -5,17 +5,12 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 """
 
 import numpy as np
-from scipy.special import gammaln
 
 from analysis.cases.model import Floats
 from analysis.explain import wander as w
-from analysis.explain.fit import Fit
-from analysis.explain.form_error import locally_wrong
-from analysis.explain.lens_error import steepness
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
 from analysis.explain.series import unrest
-from analysis.explain.whitening import Whitener
 
 CLOUD = w.Wander(
     "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
@@ -35,15 +30,8 @@ UNREST = w.Wander(
 _UNTOUCHED = 0.2
 """A scatter whose median is below this share of its standard deviation (a Gaussian: 0.67) is that of few readings."""
 
-_SIZES = (0.03, 0.10, 0.30)
-_ODD = 4.5
-"""A reading this many standard deviations from what all others say of it is odd."""
-_USUAL_ODD = 45.0
-"""Evidence [nats] for odd readings that a lens's images make where nothing was left out."""
-_EDGE_DEG = 0.7
-"""By how much the edges of a lens's images may be misplaced [deg]."""
-_FEW = 0.04
-"""At most this share of the readings can be odd; more are a shape of their own."""
+SIZES = (0.03, 0.10, 0.30)
+"""Relative standard deviations of unnamed structure that are tried."""
 
 
 def named_wanders(scene: Scene, tried: set[str]) -> tuple[w.Wander, ...]:
@@ -58,63 +46,40 @@ def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
     found = []
     if "goniometer" in scene.kinds:
         found += [
-            w.Wander("factor by direction", "direction, fixed in the room", w.in_direction, _SIZES, (10.0, 28.0)),
+            w.Wander("factor by direction", "direction, fixed in the room", w.in_direction, SIZES, (10.0, 28.0)),
             w.Wander(
-                "light by direction", "direction, fixed in the room, added", w.added_in_direction, _SIZES, (10.0, 28.0)
+                "light by direction", "direction, fixed in the room, added", w.added_in_direction, SIZES, (10.0, 28.0)
             ),
-            w.Wander("factor by gamma", "gamma", w.in_gamma, _SIZES, (14.0,)),
-            w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (2.0,)),
+            w.Wander("factor by gamma", "gamma", w.in_gamma, SIZES, (14.0,)),
+            w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (2.0,)),
         ]
     elif "sky" in scene.kinds:
-        found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (2.0,)))
+        found.append(w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (2.0,)))
         if np.any(~np.isnan(r.gamma_deg)) and np.nanmax(r.gamma_deg) - np.nanmin(r.gamma_deg) > 10:
             found.append(
-                w.Wander("factor by direction", "direction in the picture", w.in_direction, _SIZES, (12.0, 35.0))
+                w.Wander("factor by direction", "direction in the picture", w.in_direction, SIZES, (12.0, 35.0))
             )
             if not np.any(np.isnan(r.sun_azimuth_at_deg)):
                 found.append(
                     w.Wander(
-                        "factor in the sun's frame", "direction from the sun", w.in_suns_frame, _SIZES, (15.0, 40.0)
+                        "factor in the sun's frame", "direction from the sun", w.in_suns_frame, SIZES, (15.0, 40.0)
                     )
                 )
     else:
-        found.append(w.Wander("factor by level", "level of the reading", w.in_level, _SIZES, (0.7,)))
+        found.append(w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (0.7,)))
         if r.has_times:
-            found.append(w.Wander("factor by time of day", "the time of day", w.in_time_of_day, _SIZES, (80.0,)))
+            found.append(w.Wander("factor by time of day", "the time of day", w.in_time_of_day, SIZES, (80.0,)))
     suns = np.isfinite(r.altitude_deg) & np.isfinite(r.azimuth_deg)
     if tests > 2 and np.all(suns) and r.has_parts:
-        found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, _SIZES, (12.0,)))
+        found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, SIZES, (12.0,)))
     if r.has_times and np.max(np.bincount(r.test)) >= 20:
         longest = max(float(np.ptp(r.utc_ns[r.test == k])) / 1e9 for k in np.unique(r.test))
         steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
-        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, _SIZES, steps))
+        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, SIZES, steps))
     if r.has_times and tests > 3:
         lengths = (60.0,) if "goniometer" in scene.kinds else (60.0, 6000.0)  # a meter ages over days
-        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, _SIZES, lengths))
+        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, SIZES, lengths))
     return tuple(found)
-
-
-def odd_readings(scene: Scene, fit: Fit, whitener: Whitener) -> tuple[w.Wander, float] | None:
-    """Readings that stand alone (a glint, a spike, a shadow of something thin), as a random effect of their own.
-
-    Returns the effect and the log of the number of ways in which so many readings could have been picked; ``None``
-    where no reading stands alone.
-    """
-    count = len(scene.readings)
-    inverse_root = whitener.whitened(np.eye(count))
-    others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
-    precision = np.sum(inverse_root**2, axis=0)
-    # where a lens's image is steep, a reading may be off by itself
-    edges_deg = max([_EDGE_DEG, *(t.mechanism.displaces_deg(scene) for t in fit.terms)])
-    edge = (edges_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
-    alone = np.abs(others_say) / precision / np.sqrt(1.0 / precision + edge)
-    odd = np.flatnonzero(alone > _ODD)
-    if len(odd) == 0:
-        return None
-    odd = odd[np.argsort(-alone[odd])][: max(int(_FEW * count), 1)]
-    columns = np.eye(count)[:, odd]
-    ways = _USUAL_ODD + float(gammaln(count + 1) - gammaln(len(odd) + 1) - gammaln(count - len(odd) + 1))
-    return w.Wander("odd readings", f"{len(odd)} readings that stand alone", lambda *_: columns, _SIZES, (1.0,)), ways
 
 
 def evenly_restless(scene: Scene, residual: Floats, root_min: float) -> bool:

@@ -101,7 +101,7 @@ class Fitter:
         effects = np.concatenate(
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
-        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene))
+        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), scene.alone)
         self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}

@@ -4,7 +4,7 @@ Neighbouring directions share the simulation's shape error, so a random tenth of
 only what a whole test or sky says of the others counts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def _fit_without(
     """Parameters fitted to the rows kept (terms keep the reference levels of the whole fit), and the shared error."""
     if len(theta) == 0:
         return theta, SharedError({}, {})
-    part = replace(scene, readings=scene.readings.only(keep), memory={})
+    part = scene.only(keep)
     fitter = Fitter(part)
     wrong = form_error(part, terms, theta)
     fit = fitter.fit(terms, theta, hyper, wrong)

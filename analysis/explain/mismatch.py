@@ -8,6 +8,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.again import Again, simulated_again
+from analysis.explain.alone import quieted
 from analysis.explain.conclude import conclude
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.forensics import forensics
@@ -82,7 +83,8 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     null = fitter.residual((), np.zeros(0))
     mismatch = locate(readings, null, fitter.whitener(LOOKING))
     progress("weighing mechanisms")
-    search = Search(fitter)
+    search = quieted(Search(fitter))
+    scene, fitter = search.scene, search.fitter
     found = conclude(search)
     # what is not named corrects nothing
     kept = found.best if found.verdict in {"explained", "partly-explained"} else found.nothing

@@ -102,14 +102,17 @@ class Nuisance:
         Effects of the simulation's lens (`analysis.explain.lens_error`); they grow with `Hyper.lens`.
     steepness : shape (N,) [1/deg]
         Relative change of the prediction per degree: a steep place is scattered by errors of direction.
+    alone : shape (N,)
+        Relative standard deviations by which readings that stand alone err by themselves.
     """
 
-    def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats) -> None:
+    def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats, alone: Floats | None = None) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
         self._gains = np.concatenate([self._sensor_gains(), split_errors(readings)], axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
+        self._alone = np.zeros(len(readings)) if alone is None else alone
 
     def _sensor_gains(self) -> Floats:
         """Columns (N, K): each sensor's or meter's gain, times its usual size."""
@@ -130,7 +133,7 @@ class Nuisance:
         gain = usual.gain**2 + (hyper.scatter * usual.restless) ** 2
         own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + gain) * block.same_test
         c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
-        noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2
+        noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2 + self._alone[block.rows] ** 2
         scatter = usual.scatter**2 + self._jitter[block.rows] ** 2
         c[np.diag_indices_from(c)] += noise + hyper.scatter**2 * scatter + 1e-8
         return np.asarray(c)

@@ -80,12 +80,20 @@ class Scene:
         The case's variants and our own re-simulations; ``None`` where neither can be had.
     sky_part : shape (T, P, G) [cd]
         The sky part by our own simulation, where the case gives only the sum of both.
+    alone : shape (N,)
+        Relative standard deviations by which readings that stand alone err by themselves (`analysis.explain.alone`).
     """
 
     readings: Readings
     retraced: Retraced | None = None
     sky_part: Floats | None = None
+    alone: Floats | None = None
     memory: dict[tuple[object, ...], Floats] = field(default_factory=dict)
+
+    def only(self, rows: NDArray[np.bool_]) -> "Scene":
+        """The scene of the readings where ``rows`` holds."""
+        alone = None if self.alone is None else self.alone[rows]
+        return replace(self, readings=self.readings.only(rows), alone=alone, memory={})
 
     def remember(self, work: Callable[Concatenate["Scene", ...], Floats], *at: float) -> Floats:
         """The array that ``work`` makes of this scene (at these values), made once."""

@@ -5,7 +5,9 @@ best singles, and accepted only with evidence to spare; likewise a third.
 """
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -81,6 +83,7 @@ class Search:
     ) -> None:
         self.fitter = fitter
         self.scene = fitter.scene
+        self.before_quieting = self
         self.not_tried: dict[str, str] = {}
         self.mechanisms = tuple(m for m in mechanisms if self._can_try(m))
         possible = [m for m in conjectures if set(m.kinds) & set(self.scene.kinds) and not m.why_not(self.scene)]
@@ -99,7 +102,19 @@ class Search:
             self.not_tried[mechanism.id] = because
         return not because
 
+    def quieter(self, alone: Floats) -> "Search":
+        """The same search where readings may err by themselves (`Scene.alone`), begun where this one's looks ended."""
+        other = copy(self)
+        other.fitter = Fitter(replace(self.scene, alone=alone))
+        other.scene, other.before_quieting = other.fitter.scene, self
+        return other
+
     # nothing and singles
+
+    @cached_property
+    def looks(self) -> dict[str, list[Fit]]:
+        """Each parametric mechanism's most promising ways as they fit at usual sizes, not weighed."""
+        return {m: self._fit_ways(terms) for m, terms in self._terms.items()}
 
     def nothing(self) -> Hypothesis:
         """The hypothesis that nothing was left out."""
@@ -109,7 +124,7 @@ class Search:
 
     def singles(self) -> list[Hypothesis]:
         """One hypothesis per parametric mechanism, best first."""
-        fits = {m: self._fit_ways(terms) for m, terms in self._terms.items()}
+        fits = {m: [self._from_look(fit) for fit in ways] for m, ways in self.looks.items()}
         self.fitter.weigh([f for ways in fits.values() for f in ways])
         nothing = self.nothing().evidence
         best = max((f.log_evidence for ways in fits.values() for f in ways), default=nothing)
@@ -155,6 +170,10 @@ class Search:
             looks.append((starts[0][0], term, [s for _, s in starts[:_STARTS]]))
         looks.sort(key=lambda look: look[0])
         return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
+
+    def _from_look(self, look: Fit) -> Fit:
+        """A first look's fit; again, if readings were quieted since."""
+        return replace(look) if self.before_quieting is self else self.fitter.fit(look.terms, look.theta, MIDDLE)
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
         """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
@@ -236,14 +255,18 @@ class Search:
 
     def reweighed(self, hypothesis: Hypothesis, extra: tuple[Extra, ...]) -> float:
         """Evidence of a hypothesis' best way under extra covariance."""
-        copy = replace(hypothesis.fit)
-        self.fitter.weigh([copy], extra)
-        return copy.log_evidence
+        weighed = replace(hypothesis.fit)
+        self.fitter.weigh([weighed], extra)
+        return weighed.log_evidence
 
     def allowed(self, hypothesis: Hypothesis) -> tuple[Extra, ...]:
         """What is allowed for beside a hypothesis: what its forms have wrong, and its random effects."""
         random = (w.extra(self.scene, amplitude, length) for w, amplitude, length in hypothesis.wanders)
-        return (*form_error(self.scene, hypothesis.fit.terms, hypothesis.fit.theta), *random)
+        return (*self.forms_wrong(hypothesis.fit), *random)
+
+    def forms_wrong(self, fit: Fit) -> tuple[Extra, ...]:
+        """What the forms of a fit may have wrong."""
+        return form_error(self.scene, fit.terms, fit.theta)
 
     def least_effect(self, hypothesis: Hypothesis) -> float:
         """Relative rms change of the readings by the mechanism that changes them least, a gain per test removed.
@@ -276,9 +299,9 @@ class Search:
         fit = base.fit
         first = {way: self.fitter.density(fit, effects[way])(fit.hyper) for way in tried}
         best = max(tried, key=lambda way: first[way])
-        copy = replace(fit)
-        self.fitter.weigh([copy], effects[best])
-        again = {way: self.fitter.density(fit, effects[way])(copy.hyper) for way in tried}
+        weighed = replace(fit)
+        self.fitter.weigh([weighed], effects[best])
+        again = {way: self.fitter.density(fit, effects[way])(weighed.hyper) for way in tried}
         logs = np.array([again[way] for way in tried])
-        evidence = copy.log_evidence - again[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
-        return Hypothesis(copy, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))
+        evidence = weighed.log_evidence - again[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
+        return Hypothesis(weighed, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))

@@ -147,7 +147,8 @@ class Conclusion:
 
 def decide(found: Conclusion, few: float) -> None:
     """Set the verdict, probabilities, and what cannot be told apart."""
-    left = found.unnamed[0].gain if found.unnamed else 0.0
+    told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed
+    left = max((u.gain for u in told), default=0.0)
     gain = found.best.evidence - found.nothing.evidence
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:

@@ -237,7 +237,7 @@ def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
     found = _decided(arm, ("dark-offset", 37.0), ("room-interreflection", 17.0))
     found.unnamed = [Unnamed("4 readings that stand alone", 140.0, 0.1, single=True)]
     decide(found, 1.0)
-    assert found.verdict == "partly-explained"
+    assert found.verdict == "explained"
     assert found.rivals_of_names(found.unnamed) == []
     meter = replace(found, one_instrument=True)
     decide(meter, 1.0)

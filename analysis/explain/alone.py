@@ -1,0 +1,81 @@
+"""Readings that stand alone: a glint, a spike, the shadow of something thin, an image where no simulated lens has one.
+
+Below a skylight a few readings can be off by tens of per cents where all others are right to one: sharp images lie
+elsewhere. Taken for scatter they would make all others count for little, and whatever happens to move a few of them
+would gain what it does not explain. So readings that neither nothing nor any promising mechanism explains are quieted:
+each may err by itself. They are told, and where nothing is named they say that something is there.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import gammaln
+
+from analysis.cases.model import Ints
+from analysis.explain.families import SIZES
+from analysis.explain.fit import MIDDLE, Extra, Fit
+from analysis.explain.form_error import locally_wrong
+from analysis.explain.lens_error import steepness
+from analysis.explain.search import Search
+from analysis.explain.wander import Wander
+
+ODD = 4.5
+"""A reading this many standard deviations from what all others say of it is odd."""
+QUIET = 0.5
+"""Relative standard deviation by which a reading that was quieted may err by itself."""
+_USUAL = 45.0
+"""Evidence [nats] for odd readings that a lens's images make where nothing was left out."""
+_EDGE_DEG = 0.7
+"""By how much the edges of a lens's images may be misplaced [deg]."""
+_FEW = 0.04
+"""At most this share of the readings can be odd; more are a shape of their own."""
+_PROMISING, _MOST = 10.0, 4
+"""Mechanisms that lower the objective by this are asked for what they explain, at most so many of the best."""
+
+
+def quieted(search: Search) -> Search:
+    """The search, with those readings quieted that stand alone beside nothing and beside each promising mechanism.
+
+    Only below a skylight: a meter's or a camera's lone readings are what a cloud or a shadow did.
+    """
+    if not np.any(search.scene.is_gonio):
+        return search
+    nothing = search.fitter.fit((), np.zeros(0), MIDDLE)
+    looks = sorted((min(fits, key=lambda f: f.objective) for fits in search.looks.values()), key=lambda f: f.objective)
+    promising = [f for f in looks if f.objective < nothing.objective - _PROMISING][:_MOST]
+    rows = np.arange(len(search.scene.readings))
+    for fit in map(replace, (nothing, *promising)):
+        extra = search.forms_wrong(fit)
+        search.fitter.weigh([fit], extra)
+        rows = np.intersect1d(rows, _odd(search, fit, extra))
+        if len(rows) == 0:
+            return search
+    return search.quieter(np.where(np.isin(np.arange(len(search.scene.readings)), rows), QUIET, 0.0))
+
+
+def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wander, float] | None:
+    """Readings that stand alone beside a fit, edges of images allowed for, as a random effect of their own.
+
+    Returns the effect and the log of the number of ways in which so many readings could have been picked; ``None``
+    where no reading stands alone.
+    """
+    count = len(search.scene.readings)
+    # where a lens's image is steep, a reading may be off by itself
+    odd = _odd(search, fit, extra, max([_EDGE_DEG, *(t.mechanism.displaces_deg(search.scene) for t in fit.terms)]))
+    if len(odd) == 0:
+        return None
+    columns = np.eye(count)[:, odd]
+    ways = _USUAL + float(gammaln(count + 1) - gammaln(len(odd) + 1) - gammaln(count - len(odd) + 1))
+    return Wander("odd readings", f"{len(odd)} readings that stand alone", lambda *_: columns, SIZES, (1.0,)), ways
+
+
+def _odd(search: Search, fit: Fit, extra: tuple[Extra, ...], edge_deg: float = 0.0) -> Ints:
+    """Rows that are far from what all others say of them, the oddest first."""
+    scene, whitener = search.scene, search.fitter.whitener(fit.hyper, extra)
+    inverse_root = whitener.whitened(np.eye(len(scene.readings)))
+    others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
+    precision = np.sum(inverse_root**2, axis=0)
+    wrong = (edge_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
+    deviation = np.abs(others_say) / precision / np.sqrt(1.0 / precision + wrong)
+    oddest = np.argsort(-deviation)[: max(int(_FEW * len(deviation)), 1)]
+    return np.asarray(oddest[deviation[oddest] > ODD])
