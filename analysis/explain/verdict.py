@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import expit
 
+from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
@@ -27,6 +28,7 @@ from analysis.explain.thresholds import (
     MOST_MISFIT,
     RELIABLE,
     ROUGH,
+    ROUGH_ALONE,
     STRONG,
     SURE,
     SURE_ALONE,
@@ -150,11 +152,12 @@ def decide(found: Conclusion, few: float) -> None:
     told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed
     left = max((u.gain for u in told), default=0.0)
     gain = found.best.evidence - found.nothing.evidence
+    rough = _rougher(found, ROUGH if found.best.ids else ROUGH_ALONE)
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
-        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or _rough(found) else "no-mismatch"
-    elif left > _may_be_left(found, gain) or (_rough(found) and gain < STRONG):
-        wrong = imitated or found.law_alone > gain or (_rough(found) and gain < LEAST_ROUGH)
+        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough else "no-mismatch"
+    elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
+        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + AHEAD:
         found.verdict = "unexplained"
@@ -176,10 +179,12 @@ def _may_be_left(found: Conclusion, gain: float) -> float:
     return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 
-def _rough(found: Conclusion) -> bool:
+def _rougher(found: Conclusion, usual: Hyper) -> bool:
     """Whether what is left below a skylight is larger or rougher than simulations usually leave."""
-    hyper = found.best.fit.hyper
-    return not found.one_instrument and (hyper.shape > ROUGH.shape or hyper.scatter > ROUGH.scatter)
+    left = found.best.fit.hyper
+    return not found.one_instrument and (
+        left.shape > usual.shape or left.scatter > usual.scatter or left.lens > usual.lens
+    )
 
 
 def doubles(name: str) -> tuple[str, ...]:

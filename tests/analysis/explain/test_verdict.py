@@ -288,6 +288,26 @@ def test_a_rough_rest_counts_beside_what_is_explained(arm: Scene) -> None:
     assert told == {60.0: "unexplained", 500.0: "partly-explained", 5000.0: "explained"}
 
 
+@pytest.mark.parametrize(
+    ("hyper", "verdict"),
+    [
+        (Hyper(2.9, 2.9, 1.6), "no-mismatch"),
+        (Hyper(3.1, 1.0, 1.0), "unexplained"),
+        (Hyper(1.0, 3.6, 1.0), "unexplained"),
+        (Hyper(1.0, 1.0, 2.5), "unexplained"),
+    ],
+)
+def test_where_nothing_is_named_a_rough_rest_says_that_something_is_there(
+    arm: Scene, picture: Scene, hyper: Hyper, verdict: str
+) -> None:
+    for scene, expected in ((arm, verdict), (picture, "no-mismatch")):
+        nothing = _hypothesis(scene, 0.0)
+        nothing.fit.hyper = hyper
+        found = Conclusion(nothing, nothing, [], one_instrument=scene is picture)
+        decide(found, 1.0)
+        assert found.verdict == expected
+
+
 def test_what_a_strong_name_leaves_is_in_proportion(arm: Scene) -> None:
     assert _decided(arm, ("c-offset", 500.0), left=60.0).verdict == "partly-explained"
     assert _decided(arm, ("c-offset", 10_000.0), left=60.0).verdict == "explained"
