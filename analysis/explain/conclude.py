@@ -60,7 +60,7 @@ def conclude(search: Search) -> Conclusion:
 def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
-    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens for t in h.fit.terms):
+    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM

@@ -18,9 +18,9 @@ EVEN = 8.0
 NAME_FIRST_RANDOM = 20.0
 """A first random effect must gain this (unless repeated readings show it): it also leans on a simulation's ripple."""
 NAME_FIRST_LENS = 24.0
-"""What looks like a lens simulated a little wrong must gain this as a first name, and so must a clock, which is the
-likest of hundreds of offsets; below a skylight also what makes one test's sun brighter or dimmer than another's or
-moves it, as a lens does whose error depends on where the sun stands."""
+"""What looks like a lens simulated a little wrong must gain this as a first name, and so must a clock and a meter's
+state that began in some test, which are the likest of hundreds; below a skylight also what makes one test's sun
+brighter or dimmer than another's or moves it, as a lens does whose error depends on where the sun stands."""
 SHOWN = 4.0
 """Log odds [nats] of repeated readings that show a random effect by themselves."""
 NAME_SECOND = 14.0
@@ -52,8 +52,9 @@ LEAST_EFFECT = 0.012
 not right to better than that."""
 LEAST_EFFECT_FIRST = 0.005
 """The same for a first one below a skylight: smaller effects are the chance likeness of a lens's error."""
-AHEAD = 2.5
-"""A law outside the catalogue that gains this more than the names says that they are wrong."""
+AHEAD = 0.6
+"""A law outside the catalogue that gains more than the names, by this share of the root of what they gain, says that
+they are wrong. (A tilt of 256 nats was right beside a law of 262; laws that were right were ahead by .9 and more.)"""
 APART = 1.2
 """Rivals within these log odds of a name that is not sure enough are not told apart from it."""
 SURE = 0.6

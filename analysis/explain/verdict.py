@@ -159,7 +159,7 @@ def decide(found: Conclusion, few: float) -> None:
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
         wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
         found.verdict = "unexplained" if wrong else "partly-explained"
-    elif imitated or found.law_alone > gain + AHEAD:
+    elif imitated or found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0))):
         found.verdict = "unexplained"
     elif not found.best.fit.ids and not found.one_instrument and not set(found.best.ids) <= found.shown:
         # a random effect predicts no reading, and leans on ripple, unless repeats of one direction show it themselves;

@@ -270,7 +270,7 @@ def test_a_law_beyond_the_catalogue_is_less_likely_than_a_name_that_does_as_well
     as_well = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0)
     assert as_well.verdict == "explained"
     assert as_well.probability["gamma-offset"] == pytest.approx(RELIABLE * expit(LIKELIER))
-    better = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0 + 2.0 * AHEAD)
+    better = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0 + 2.0 * AHEAD * np.sqrt(280.0))
     assert better.verdict == "unexplained"
 
 
