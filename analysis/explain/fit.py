@@ -117,6 +117,11 @@ class Fitter:
             hyper.lens, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
         )
 
+    def forget(self) -> None:
+        """Drop the factored covariances, some gigabytes where there are thousands of readings; they are made again."""
+        self._factored.clear()
+        self._solved.clear()
+
     def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Solved:
         """Solve an effect's columns once per factoring (they are tried at many amplitudes)."""
         key = (hyper.base, id(columns))
