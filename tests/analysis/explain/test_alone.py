@@ -37,11 +37,19 @@ def gain(search: Search, name: str) -> float:
     return next(h.evidence for h in search.singles() if h.ids == (name,)) - nothing
 
 
-def test_a_few_wrong_readings_hide_no_mechanism(tmp_path: Path) -> None:
-    truth = effects.offset(8.0)
-    clean = gain(search_of(tmp_path / "clean", truth), "dark-offset")
-    loud = search_of(tmp_path / "glints", glints(truth))
-    quiet = quieted(loud)
+@pytest.fixture(scope="module")
+def loud(tmp_path_factory: pytest.TempPathFactory) -> Search:
+    """An offset in the dark, and the glints."""
+    return search_of(tmp_path_factory.mktemp("glints") / "case", glints(effects.offset(8.0)))
+
+
+@pytest.fixture(scope="module")
+def quiet(loud: Search) -> Search:
+    return quieted(loud)
+
+
+def test_a_few_wrong_readings_hide_no_mechanism(tmp_path: Path, loud: Search, quiet: Search) -> None:
+    clean = gain(search_of(tmp_path / "clean", effects.offset(8.0)), "dark-offset")
     assert quiet.scene.alone is not None
     assert np.flatnonzero(quiet.scene.alone).tolist() == GLINTS
     assert set(quiet.scene.alone[GLINTS]) == {QUIET}
@@ -68,12 +76,12 @@ def test_where_nothing_stands_alone_the_search_is_the_same(tmp_path: Path, pictu
 
 
 @pytest.mark.parametrize("rows", [slice(0, 300), slice(None)])
-def test_a_part_of_a_scene_keeps_what_is_quieted(tmp_path: Path, rows: slice) -> None:
-    quiet = quieted(search_of(tmp_path / "case", glints(effects.offset(8.0)))).scene
-    keep = np.zeros(len(quiet.readings), dtype=bool)
+def test_a_part_of_a_scene_keeps_what_is_quieted(quiet: Search, rows: slice) -> None:
+    scene = quiet.scene
+    keep = np.zeros(len(scene.readings), dtype=bool)
     keep[rows] = True
-    part = quiet.only(keep)
+    part = scene.only(keep)
     assert part.alone is not None
-    assert quiet.alone is not None
-    assert np.array_equal(part.alone, quiet.alone[rows])
+    assert scene.alone is not None
+    assert np.array_equal(part.alone, scene.alone[rows])
     assert len(part.readings) == np.count_nonzero(keep)
