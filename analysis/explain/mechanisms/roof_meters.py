@@ -26,7 +26,7 @@ def roof_channels(scene: Scene) -> tuple[Branch, ...]:
     return tuple(Branch(r.case.channels[k].id, int(k)) for k in channels)
 
 
-def _heads(scene: Scene) -> tuple[Branch, ...]:
+def heads(scene: Scene) -> tuple[Branch, ...]:
     """Each meter, and where there are several, all of them alike: heads of one make, on one plate."""
     ways = roof_channels(scene)
     return (*ways, Branch("every roof meter", _ALL)) if len(ways) > 1 else ways
@@ -88,7 +88,7 @@ class MeterTilt(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, and all together."""
-        return _heads(scene)
+        return heads(scene)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the beam's projection on the tilted meter."""
@@ -191,7 +191,7 @@ class MeterCosine(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, with a diffuser that is wrong or a rim that shades it."""
-        ways = _heads(scene)
+        ways = heads(scene)
         return (*ways, *(Branch(f"{way.label}, rim", ("rim", way.value)) for way in ways))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:

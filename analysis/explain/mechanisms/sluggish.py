@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.roof_meters import heads, of_channel
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.series import quiet, series_of
@@ -28,22 +29,35 @@ class Sluggish(Mechanism):
             return "there is no series of times"
         return "" if series_of(scene) else "there is no series of times"
 
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Each meter, and all of them alike."""
+        return heads(scene)
+
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Low-pass each series; it starts settled."""
+        """Low-pass each series of the meter."""
         if p[0] < 1e-6:
             return values
-        made = values.copy()
+        made, mine = values.copy(), of_channel(scene, branch.value)
         for s in series_of(scene):
+            if not mine[s.rows[0]]:
+                continue
             steady = quiet(s.t, values[s.rows], scene.readings.noise[s.rows])
             made[s.rows] += low_passed(s.t, steady, float(p[0])) - steady
         return made
 
 
 def low_passed(t: Floats, x: Floats, constant: float) -> Floats:
-    """First-order low pass of straight lines through (t, x); the start is that of the first line going on for ever."""
+    """First-order low pass of straight lines through (t, x), both of shape (M,), M > 1.
+
+    What it followed before the first reading is not recorded: that had the trend of the first time constant. (Between
+    two readings a passing cloud is no trend.)
+    """
     slope = np.diff(x) / np.maximum(np.diff(t), 1e-9)
+    age = t - t[0]
+    weight = np.exp(-age / max(constant, age[1], 1e-9))
+    about = age - np.average(age, weights=weight)
     y = np.empty_like(x)
-    y[0] = x[0] - (slope[0] * constant if len(slope) else 0.0)
+    y[0] = x[0] - constant * float(weight * about @ x) / max(float(weight * about @ about), 1e-9)
     for i, along in enumerate(slope):
         fade = np.exp(-(t[i + 1] - t[i]) / constant)
         y[i + 1] = x[i + 1] - along * constant + (y[i] - x[i] + along * constant) * fade

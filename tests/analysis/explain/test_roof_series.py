@@ -222,6 +222,30 @@ def test_a_low_pass_lags_a_ramp_and_settles_after_a_step() -> None:
     assert made[39] == pytest.approx(1.0, abs=1e-3)
 
 
+def test_a_cloud_between_the_first_two_readings_is_no_trend() -> None:
+    t = np.arange(40.0)
+    passing = np.where(t == 0.0, 0.2, 1.0)
+    assert 0.0 < low_passed(t, passing, 10.0)[0] < passing[0] + 0.1
+
+
+def test_a_slow_meter_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
+    """The mean of the light of each minute of the last two hours, the older the less."""
+    ages, lag_min = np.arange(0.0, 120.0), 12.0
+    weights = np.exp(-ages / lag_min) / np.sum(np.exp(-ages / lag_min))
+
+    def light(late_s: float) -> Floats:
+        at = moments(late_s)
+        beam, sky = beam_and_sky(_sun(at)[0])
+        return beam * cloud(at, 0.05) + sky
+
+    followed = sum(w * light(-60.0 * age) for age, w in zip(ages, weights, strict=True))
+    content = answer(explain(series(tmp_path / "case", per_root_min=0.05, gain=followed / light(0.0))))
+    assert content["verdict"] == "unexplained" and content["mechanisms"] == []
+    best = max(content["unnamed"], key=lambda u: float(u["nats"]))
+    assert best["along"] == "sluggish response"
+    assert best["size"] == pytest.approx(lag_min, rel=0.25)
+
+
 def test_a_day_is_one_block_and_days_are_not_remembered(tmp_path: Path) -> None:
     readings = Readings.of(series(tmp_path / "case"))
     assert [len(b.rows) for b in blocks_of(readings)] == [COUNT] * len(DAYS)
