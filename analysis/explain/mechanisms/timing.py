@@ -14,6 +14,10 @@ from labdaq import directions
 
 _CLEAR_LOSS = 0.25
 """Optical depth of clear air, to divide out the sun's way."""
+_HOUR_MIN, _USUAL_MIN = 60.0, 8.0
+"""Clocks are off by minutes, or by the hour of summer time."""
+_NODE_MIN = 10.0
+"""The sun's altitude is worked out for offsets so far apart."""
 _BEYOND_AIR_LX = 1.3e5
 """Illuminance of the sun outside the air [lx]."""
 
@@ -86,13 +90,16 @@ class ClockOffset(Mechanism):
         return (*traced, Branch("the image follows the sun", "image")) if scene.knows_image else traced
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """A whole series can only be shifted by a few of its own steps."""
+        """A whole series can only be shifted by a few of its own steps, or by the hour of summer time."""
         if branch.value != "series":
             return self.parameters if np.any(scene.is_gonio) else (self.narrow,)
         step = step_min(scene)
         what = "true time minus recorded time"
-        starts = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
-        return (Parameter("offset_min", "min", what, -8.0 * step, 8.0 * step, 2.0 * step, starts),)
+        starts: tuple[float, ...] = (-3.0 * step, -0.7 * step, -0.2 * step, 0.2 * step, 0.7 * step, 3.0 * step)
+        if 3.0 * step < _HOUR_MIN:
+            starts = (-_HOUR_MIN, *starts, _HOUR_MIN)
+        most = max(8.0 * step, 1.25 * _HOUR_MIN)
+        return (Parameter("offset_min", "min", what, -most, most, max(2.0 * step, _USUAL_MIN), starts),)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Turn the sky's pattern with the sun, where luminances were read.
@@ -159,9 +166,22 @@ def _clear_later(scene: Scene, altitude_deg: Floats) -> tuple[Floats, Floats]:
 
 
 def _altitude_later(scene: Scene, minutes: float) -> Floats:
-    """The sun's altitude [deg] so many minutes after each reading; (N,)."""
+    """The sun's altitude [deg] so many minutes after each reading, to a thousandth or two; (N,).
+
+    A search asks hundreds of times: cubics go through the altitudes of every tenth minute.
+    """
+    k, u = divmod(minutes / _NODE_MIN, 1.0)
+    if u == 0.0:
+        return scene.remember(_altitude_at_node, k)
+    weights = (-u * (u - 1) * (u - 2) / 6, (u * u - 1) * (u - 2) / 2, -u * (u + 1) * (u - 2) / 2, u * (u * u - 1) / 6)
+    nodes = (scene.remember(_altitude_at_node, k + i) for i in (-1.0, 0.0, 1.0, 2.0))
+    return np.asarray(sum(w * node for w, node in zip(weights, nodes, strict=True)))
+
+
+def _altitude_at_node(scene: Scene, node: float) -> Floats:
+    """The sun's altitude [deg] so many nodes after each reading; (N,)."""
     r = scene.readings
-    return np.asarray(sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0])
+    return np.asarray(sun_at(r.case, r.utc_ns + np.int64(round(node * _NODE_MIN * 60e9)))[0])
 
 
 def _later(scene: Scene, minutes: float) -> Floats:

@@ -15,7 +15,7 @@ from analysis.explain.fit import Fit, Fitter
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sluggish import low_passed
-from analysis.explain.mechanisms.timing import ClockOffset
+from analysis.explain.mechanisms.timing import ClockOffset, _altitude_later
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
@@ -102,6 +102,13 @@ def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> N
     assert first["id"] == "clock-offset"
     told = first["parameters"]["offset_min"]
     assert abs(told["value"] - 40.0 / 60.0) < 2.0 * told["uncertainty"] < 4.0, "neither wrong nor without content"
+
+
+def test_a_clock_an_hour_off_is_summer_time(tmp_path: Path) -> None:
+    """Of a series of some hours: what was at its ends an hour later or sooner is known from the sun alone."""
+    content = answer(explain(series(tmp_path / "case", late_s=3600.0, per_root_min=0.1)))
+    assert content["mechanisms"][0]["id"] == "clock-offset"
+    assert content["mechanisms"][0]["parameters"]["offset_min"]["value"] == pytest.approx(60.0, abs=4.0)
 
 
 def test_a_clock_told_by_its_scatter_does_not_hide_what_is_beside_it(tmp_path: Path) -> None:
@@ -211,6 +218,15 @@ def test_a_clock_takes_no_noise_off_a_prediction(tmp_path: Path, minutes: float)
     inner = np.tile((np.arange(COUNT) >= 5) & (np.arange(COUNT) < COUNT - 5), len(DAYS))
     before, after = np.std((scene.readings.simulated / true)[inner]), np.std((moved / later)[inner])
     assert 0.85 * before < after < 1.3 * before
+
+
+@pytest.mark.parametrize("minutes", [0.0, 0.4, -7.3, 20.0, 61.8, -179.9])
+def test_the_sun_between_every_tenth_minute(tmp_path: Path, minutes: float) -> None:
+    scene = Scene(Readings.of(series(tmp_path / "case")))
+    r = scene.readings
+    then = sun_at(r.case, r.utc_ns + np.int64(round(minutes * 60e9)))[0]
+    up = then > 2.0  # refraction near the horizon is no cubic
+    assert _altitude_later(scene, minutes)[up] == pytest.approx(then[up], abs=2e-3)
 
 
 def test_a_low_pass_lags_a_ramp_and_settles_after_a_step() -> None:
