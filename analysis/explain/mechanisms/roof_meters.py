@@ -135,19 +135,15 @@ class MeterGain(Mechanism):
     parameters = (Parameter("error", "1", "relative error of the meter's reading", -0.6, 1.5, 0.06, (-0.04, 0.04)),)
     source = "y = E (1 + g)"
     tie_breaker = "exchange the two meters, or read both in front of one lamp"
-    kinds = ("goniometer", "roof", "sky")
+    kinds = ("goniometer", "roof")
 
     def why_not(self, scene: Scene) -> str:
         """On a goniometer it acts through the split of the parts."""
         return "" if scene.kinds != ("goniometer",) or scene.knows_split else why_no_sun(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each meter; luminance meters count as well."""
-        r = scene.readings
-        meters = np.unique(r.channel[scene.is_roof | scene.is_sky])
-        if len(meters):
-            return tuple(Branch(r.case.channels[k].id, int(k)) for k in meters)
-        return (Branch("the global illuminance meter"),)
+        """Each illuminance meter."""
+        return roof_channels(scene)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Behind a goniometer's simulation: the beam was taken from a wrong global reading."""

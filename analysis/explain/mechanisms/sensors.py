@@ -274,16 +274,17 @@ class ChannelGain(Mechanism):
     parameters = (Parameter("error", "1", "relative error of the sensitivity", -0.9, 3.0, 0.12, (-0.08, 0.08)),)
     source = "y_i (1 + e) for one channel i"
     tie_breaker = "swap the sensor with its neighbour"
-    kinds = ("goniometer",)
+    kinds = ("goniometer", "sky")
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Each goniometer channel."""
+        """Each sensor of the goniometer, each camera and luminance meter."""
         r = scene.readings
-        return tuple(Branch(r.case.channels[k].id, int(k)) for k in np.unique(r.channel[scene.is_gonio]))
+        return tuple(Branch(r.case.channels[k].id, int(k)) for k in np.unique(r.channel[scene.is_gonio | scene.is_sky]))
 
     def why_not(self, scene: Scene) -> str:
-        """With one channel its gain is the gain of everything."""
-        return "" if len(self.branches(scene)) > 1 else "there is only one channel"
+        """With one sensor its gain is the gain of everything."""
+        alone = np.any(scene.is_gonio) and len(self.branches(scene)) == 1
+        return "there is only one channel" if alone else ""
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Scale one channel."""
