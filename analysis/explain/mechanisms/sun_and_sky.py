@@ -8,6 +8,8 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
+_DISC = Parameter("beam_as_diffuse", "1", "share of the beam that counts as diffuse", -0.15, 0.3, 0.03, (-0.02, 0.03))
+
 
 class SkySunRatio(Mechanism):
     """More or less of the global illuminance is sky than the prediction assumed."""
@@ -19,7 +21,10 @@ class SkySunRatio(Mechanism):
         Parameter("diffuse_change", "1", "relative change of the diffuse illuminance", -0.6, 1.0, 0.2, (-0.15, 0.15)),
     )
     needs = "sun and sky parts apart; global and diffuse illuminance of each test"
-    source = "D' = D(1+s), B' = G - D'; report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, Solar Energy 110"
+    source = (
+        "D' = D(1+s), or D' = D + sB where a shading disc hides more or less than the sun; B' = G - D'; "
+        "report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, Solar Energy 110"
+    )
     tie_breaker = "a test under an overcast sky (no beam) or with a very different ratio of diffuse to global"
     kinds = ("goniometer", "roof")
 
@@ -29,8 +34,23 @@ class SkySunRatio(Mechanism):
             return "the records do not give the sun and sky parts apart"
         return "" if scene.knows_split else "global and diffuse illuminance are not given for every test"
 
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """A share of the sky; where a shaded meter was read, also one of the beam, through its disc."""
+        shaded = scene.is_roof & (scene.readings.sun <= 0.0)
+        through = Branch("through the shading disc", "disc")
+        return (Branch(), through) if np.any(scene.remember(beam_above)[shaded] > 0.0) else (Branch(),)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """The disc is at most a few degrees too wide or too narrow."""
+        return (_DISC,) if branch.value else self.parameters
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move light between the parts at constant global illuminance."""
+        if branch.value:
+            shaded = scene.is_roof & (scene.readings.sun <= 0.0) & (scene.readings.sky > 0.0)
+            more = p[0] * scene.remember(beam_above) / np.maximum(scene.readings.sky, 1e-9)
+            light.sky_factor = np.where(shaded, light.sky_factor * np.maximum(1.0 + more, 0.0), light.sky_factor)
+            return
         diffuse, beam = scene.readings.diffuse_lx, scene.beam_lx
         lost = np.divide(p[0] * diffuse, beam, out=np.zeros_like(beam), where=beam > 0.02 * diffuse)
         light.sun_factor = light.sun_factor * np.maximum(1.0 - lost, 0.0)[scene.readings.test]
@@ -39,10 +59,29 @@ class SkySunRatio(Mechanism):
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
         more = "more" if p[0] > 0 else "less"
+        if branch.value:
+            return f"The shaded meter saw {abs(p[0]):.1%} of the beam {more} than assumed: its disc hides another cone."
         return (
             f"The sky gave {abs(p[0]):.0%} {more} light than assumed, and the sun correspondingly "
             f"{'less' if p[0] > 0 else 'more'}."
         )
+
+
+def beam_above(scene: Scene) -> Floats:
+    """Predicted horizontal beam [lx] at the time of each row, from a meter of the same test that sees it; (N,).
+
+    Zero in tests where none does.
+    """
+    r = scene.readings
+    found = np.zeros(len(r))
+    for k in np.unique(r.test[scene.is_roof]):
+        rows = np.flatnonzero(scene.is_roof & (r.test == k))
+        seeing = rows[r.sun[rows] > 0.0]
+        seeing = seeing[r.channel[seeing] == r.channel[seeing[0]]] if len(seeing) else seeing
+        if len(seeing):
+            order = seeing[np.argsort(r.utc_ns[seeing])]
+            found[rows] = np.interp(r.utc_ns[rows], r.utc_ns[order], r.sun[order])
+    return found
 
 
 class CircumsolarAureole(Mechanism):

@@ -235,6 +235,17 @@ def test_the_roof_reads_what_the_effect_gives(
         assert made[count:] == pytest.approx(BEAM + SKY), "the other meter is another meter"
 
 
+def test_a_disc_that_is_too_narrow_lets_beam_on_the_shaded_meter(roof: Scene) -> None:
+    """The second meter is shaded: what it reads more is a share of the beam that the first sees at that moment."""
+    count, r = len(ROOF_TESTS), roof.readings
+    seen = np.repeat([1.0, 0.0], count)
+    shaded = Scene(dataclasses.replace(r, simulated=r.sky + seen * r.sun, sun=seen * r.sun))
+    made = acted(shaded, "sky-sun-ratio", "through the shading disc", 0.04)
+    assert made[count:] == pytest.approx(SKY + 0.04 * BEAM)
+    assert made[:count] == pytest.approx(BEAM + SKY), "the open meter sees both"
+    assert [t.branch.label for t in terms_of(BY_ID["sky-sun-ratio"], roof)] == [""], "no meter is shaded"
+
+
 # the camera
 
 ZENITH, ROUND = picture_points()
@@ -251,6 +262,7 @@ OPEN = [
         ("vignetting", "square law", (0.3,), 1.0 - 0.3 * RIM**2),
         ("vignetting", "fourth-power law", (0.3,), 1.0 - 0.3 * RIM**4),
         ("vignetting", "cube law", (0.3,), 1.0 - 0.3 * RIM**3),
+        ("channel-gain", "sky", (0.05,), 1.05),
         ("spectral-mismatch", "by sky class", (0.2,), 1.0 + 0.2 * np.repeat(OPEN, len(ZENITH))),
     ],
 )
