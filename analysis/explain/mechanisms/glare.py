@@ -31,6 +31,7 @@ class VeilingGlare(CameraMechanism):
         "weighted by 1/angle² after Stiles and Holladay); Talvala et al. 2007; McCann and Rizzi 2007"
     )
     tie_breaker = "a black target in the picture"
+    form_error = 0.25  # how far light is spread is told by no two lenses alike
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """A veil; where many directions were read, light that is spread evenly over the sky, or about."""
