@@ -11,6 +11,7 @@ from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     BASES,
+    HOLDS_LAWS,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
@@ -132,6 +133,8 @@ def _wandering_beside(
             continue
         if told and told.gain > SHOWN:
             found.shown.add(wander.name)
+        elif not base.ids:
+            h.evidence -= HOLDS_LAWS * max(h.evidence - base.evidence, 0.0)
         kept.append(h)
     return kept
 
@@ -174,6 +177,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
     needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else usual
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
+    needed += HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0) if random else 0.0
     (new,) = set(best.ids) - set(base.ids)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))

@@ -268,23 +268,36 @@ def _alone(found: Conclusion) -> dict[str, float]:
 
 
 def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...], float]:
-    """Log odds against the first name: of singles beside the best single named, of sets without it beside the best."""
+    """Log odds against the first name, of all that does without it.
+
+    Singles are compared with the best single named; those that a further name was sought beside (what came of that is
+    among the sets) with all that is named; and sets with the best set that holds the first name.
+    """
     ids, alone = found.best.ids, _alone(found)
     alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
     first = {found.best.first, *_doubles_here(found.best.first, alone)}
     rivals: dict[tuple[str, ...], float] = {}
     random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
-    rivals |= {(m,): (gain - top) / units[m] for m, gain in alone.items() if m not in alike}
+    whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
+    bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
+    rivals |= {(m,): (gain - (whole if m in bases else top)) / units[m] for m, gain in alone.items() if m not in alike}
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
-    return rivals | {key: (evidence - found.best.evidence) / nats for key, evidence in sets}
+    best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
+    return rivals | {key: (evidence - best) / nats for key, evidence in sets}
+
+
+def _takes_the_rest(found: Conclusion) -> bool:
+    """Whether a further name, not sure enough to be told, does better beside the names than they do alone."""
+    ids = set(found.best.ids)
+    return any(ids < set(key) and evidence > found.best.evidence for key, evidence in found.considered)
 
 
 def _probabilities(found: Conclusion) -> None:
     """Of the first name beside its best rival; of further names as they were accepted.
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
-    beside the names speaks against them by half.
+    beside the names speaks against them by half, unless a further name would take it.
     """
     ids, alone = found.best.ids, _alone(found)
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
@@ -293,7 +306,7 @@ def _probabilities(found: Conclusion) -> None:
     nothing = ((EVEN if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
-        left = found.left_against
+        left = 0.0 if _takes_the_rest(found) else found.left_against
         law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
         nearest = max(*rivals.values(), law / nats - LIKELIER, nothing)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from analysis.explain.conclude import conclude
+from analysis.explain.conclude import _wandering_beside, conclude
 from analysis.explain.families import SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
@@ -15,7 +15,17 @@ from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
-from analysis.explain.thresholds import AHEAD, LIKELIER, RELIABLE, SURE, SURE_ALONE, SURE_BELOW, TEMPER, TEMPER_ONE
+from analysis.explain.thresholds import (
+    AHEAD,
+    HOLDS_LAWS,
+    LIKELIER,
+    RELIABLE,
+    SURE,
+    SURE_ALONE,
+    SURE_BELOW,
+    TEMPER,
+    TEMPER_ONE,
+)
 from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
 
 
@@ -184,17 +194,67 @@ def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
     assert found.verdict == "unexplained"
 
 
+def _pair(picture: Scene, first: float, rival: float, both: float) -> Conclusion:
+    """Vignetting, which came first, and a projection, each told beside a rival that imitates their sum."""
+    single = _hypothesis(picture, first, "vignetting")
+    singles = [_hypothesis(picture, rival, "nonlinearity"), single]
+    found = Conclusion(single, _hypothesis(picture, 0.0), singles, one_instrument=True, nat=TEMPER_ONE)
+    found.best = _hypothesis(picture, both, "vignetting", "projection-error")
+    found.best.added_to = "vignetting"
+    found.shares = {(frozenset({"vignetting"}), "projection-error"): 1.0}
+    return found
+
+
+def test_who_imitates_a_sum_is_weighed_against_the_sum(picture: Scene) -> None:
+    """If a further name was sought beside the imitator too, and none was found that does as well without the first."""
+    found = _pair(picture, 60.0, 93.0, 150.0)
+    decide(found, 1.0)
+    assert found.probability["vignetting"] < 0.05, "the imitator may have a second of its own"
+    found.shares[frozenset({"nonlinearity"}), "projection-error"] = 1.0
+    found.considered = [(("nonlinearity", "projection-error"), 100.0)]
+    decide(found, 1.0)
+    assert found.probability["vignetting"] == pytest.approx(RELIABLE, abs=0.01)
+    found.considered = [(("nonlinearity", "projection-error"), 149.0)]
+    decide(found, 1.0)
+    assert found.probability["vignetting"] < SURE
+
+
+def test_what_a_doubtful_second_would_take_does_not_speak_against_the_first(picture: Scene) -> None:
+    """Nor does a set without the first, beside a better one with it."""
+    found = _decided(picture, ("vignetting", 100.0), ("nonlinearity", 40.0), left=60.0)
+    alone = found.probability["vignetting"]
+    found.considered = [(("nonlinearity", "exposure-error"), 95.0)]
+    decide(found, 1.0)
+    assert found.probability["vignetting"] < alone
+    found.considered.append((("vignetting", "exposure-error"), 170.0))
+    decide(found, 1.0)
+    assert found.probability["vignetting"] > alone
+
+
 def test_what_was_there_first_is_weighed_against_nothing(picture: Scene) -> None:
     """Two that are each sure beside the other may both be nothing: neither tells much alone."""
-    weak, other = _hypothesis(picture, 8.5, "meter-gain"), _hypothesis(picture, 6.0, "vignetting")
+    weak, other = _hypothesis(picture, 8.5, "channel-gain"), _hypothesis(picture, 6.0, "vignetting")
     found = Conclusion(weak, _hypothesis(picture, 0.0), [weak, other], one_instrument=True, nat=TEMPER_ONE)
-    found.best = _hypothesis(picture, 26.0, "meter-gain", "vignetting")
-    found.best.added_to = "meter-gain"
-    pair = frozenset({"meter-gain", "vignetting"})
+    found.best = _hypothesis(picture, 26.0, "channel-gain", "vignetting")
+    found.best.added_to = "channel-gain"
+    pair = frozenset({"channel-gain", "vignetting"})
     found.shares = {(pair - {name}, name): 0.9 for name in pair}
     decide(found, 1.0)
-    assert found.probability["meter-gain"] < SURE < found.probability["vignetting"]
+    assert found.probability["channel-gain"] < SURE < found.probability["vignetting"]
     assert found.verdict == "unexplained"
+
+
+def test_a_random_function_gains_what_any_law_would(picture: Scene) -> None:
+    """A wave over the logarithm of the luminance, which no law is: a share of what the function gains tells nothing."""
+    r = picture.readings
+    wave = 1.0 + 0.05 * np.sin(6.0 * np.log(r.simulated))
+    search = Search(Fitter(Scene(replace(r, measured=r.simulated * wave))))
+    nothing = search.nothing()
+    found = Conclusion(nothing, nothing, [])
+    (told,) = [h for h in _wandering_beside(search, found, nothing, ()) if h.ids == ("exposure-error",)]
+    whole = search.wandering(nothing, SHUTTER, ()).evidence - nothing.evidence
+    assert told.evidence - nothing.evidence == pytest.approx((1.0 - HOLDS_LAWS) * whole)
+    assert whole > 20.0
 
 
 def test_exposures_explain_a_camera_and_a_cloud_an_arm_only_if_repeats_show_it(picture: Scene) -> None:
