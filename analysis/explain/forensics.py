@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.readings import GONIOMETER, ROOF, Readings, sun_at
+from analysis.explain.readings import GONIOMETER, ROOF, Readings, dropped, sun_at
 
 _EXTRATERRESTRIAL_LX = 1.4e5  # horizontal daylight cannot exceed it by much; clear-sky beam efficacy included
 _KNOWN_FACTORS = {
@@ -48,6 +48,8 @@ def _missing(case: Case) -> Iterator[str]:
     empty = int(np.count_nonzero(np.isnan(case.records.measured)))
     if empty:
         yield f"{empty} of {len(case.records)} readings are missing."
+    if nothing := int(np.count_nonzero(dropped(case))):
+        yield f"{nothing} readings are nothing in broad daylight, others of the same instrument are not: left out."
     kinds = np.array([c.kind for c in case.channels])[case.records.channel]
     for kind in dict.fromkeys(kinds.tolist()):
         yield from _brightest_missing(case, kinds == kind)

@@ -17,6 +17,11 @@ GONIOMETER, ROOF, SKY = "goniometer", "roof", "sky"
 
 _DAY_NS = 86_400_000_000_000
 
+_DARK, _BRIGHT = 3.0, 30.0
+"""Nothing was read where a reading is within so many standard uncertainties of zero and so many were predicted,"""
+_DROPS = 0.02
+"""if it happens to no more of a channel's readings than this: more are a shadow's, or a range's."""
+
 _KIND = {"goniometer": GONIOMETER, "illuminance-meter": ROOF, "luminance-meter": SKY, "camera": SKY}
 
 
@@ -52,9 +57,12 @@ class Readings:
 
     @classmethod
     def of(cls, case: Case, *, measured_only: bool = True) -> "Readings":
-        """Take the rows of ``case`` that have a reading (or all of them, for a prediction), in lx, cd, cd/m²."""
+        """Take the rows of ``case`` that have a reading (or all of them, for a prediction), in lx, cd, cd/m².
+
+        Readings that were `dropped` are none.
+        """
         records = case.records
-        keep = np.isfinite(records.measured) if measured_only else np.ones(len(records), bool)
+        keep = np.isfinite(records.measured) & ~dropped(case) if measured_only else np.ones(len(records), bool)
         factor = np.array([IN_LAB_UNITS[c.unit] for c in case.channels])[records.channel]
         noise = np.nan_to_num(records.uncertainty) * factor
         made = cls(
@@ -215,3 +223,16 @@ def sun_at(case: Case, utc_ns: Ints) -> Floats:
     assert place is not None
     seen = sun.sun_position(utc_ns, sun.Site(place.latitude_deg, place.longitude_deg, place.elevation_m))
     return np.stack([seen.altitude_deg, seen.azimuth_deg])
+
+
+def dropped(case: Case) -> NDArray[np.bool_]:
+    """Rows (N,) where an instrument under the sky gave nothing in broad daylight, now and then.
+
+    A camera has no valid exposure there, a logger wrote before the meter had answered. That is no law of the light.
+    """
+    r = case.records
+    under_the_sky = np.array([_KIND[c.kind] != GONIOMETER for c in case.channels])[r.channel]
+    nothing = under_the_sky & (r.measured <= _DARK * r.uncertainty) & (r.simulated > _BRIGHT * r.uncertainty)
+    count = len(case.channels)
+    often = np.bincount(r.channel[nothing], minlength=count) > _DROPS * np.bincount(r.channel, minlength=count)
+    return np.asarray(nothing & ~often[r.channel])

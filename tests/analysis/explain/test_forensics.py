@@ -12,6 +12,7 @@ from analysis.cases import Case
 from analysis.explain.forensics import forensics
 from analysis.explain.readings import Readings
 from tests.analysis.explain.campaign import TESTS, Floats, Rows, light, make_case, rows_of
+from tests.analysis.explain.roof import sky_case
 
 Spoil = Callable[[Floats, Rows], Floats]
 
@@ -84,6 +85,19 @@ def test_readings_that_are_missing_here_and_there_are_only_counted(clean: Case) 
     told = _told(_recorded(clean, _without_some))
     assert "200 of 1280 readings are missing" in told
     assert "does the range end there" not in told
+
+
+def test_a_picture_without_a_valid_exposure_here_and_there_is_told_and_left_out(tmp_path: Path) -> None:
+    """Of a shadow, or a dead meter, more would be dark: that is not left out."""
+    case = sky_case(tmp_path / "case")
+    count = len(case.records)
+    for dark, left in (([3], 1), ([3, 40], 2), (list(range(0, count, 10)), 0)):
+        values = case.records.measured.copy()
+        values[dark] = -1.0
+        spoilt = dataclasses.replace(case, records=dataclasses.replace(case.records, measured=values))
+        assert len(Readings.of(spoilt)) == count - left
+        assert len(Readings.of(spoilt, measured_only=False)) == count
+        assert (f"{left} readings are nothing" in _told(spoilt)) == bool(left)
 
 
 def test_beyond_the_stated_range_nothing_is_missed(clean: Case) -> None:
