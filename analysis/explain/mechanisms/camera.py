@@ -90,6 +90,7 @@ class SpectralMismatch(CameraMechanism):
         "Kortlever and Knoop 2021, as in Radiance's perezlum_c.cal), or as the share of scattered blue; hdr.md 5"
     )
     tie_breaker = "a picture through a neutral and a blue filter, or a spectrometer at one place in the sky"
+    form_error = 0.25  # neither a sky's spectra nor the camera's are known
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Blueness by the sky's class, by the luminance of each direction, or by the air's share in it."""
