@@ -140,6 +140,15 @@ def test_a_goniophotometer_on_modbus_tcp() -> None:
             assert gonio.read()[0].value == pytest.approx(0x4000 / 32767 * 10 * 100 / 3)
 
 
+@pytest.fixture
+def heeds_interrupts() -> Iterator[None]:
+    """A shell's background jobs ignore interrupts, and so do the tests that one runs."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_an_interrupt_stops_the_arm_before_it_is_raised() -> None:
     table = Bench(Drive(lag_s=0.0), tcp=True)
     with on_tcp(table) as port:
