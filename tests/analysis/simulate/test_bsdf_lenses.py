@@ -139,7 +139,8 @@ def test_radiance_sees_the_same_file_the_same_way(tmp_path: Path, changes: dict[
     assert fluxes[0] == pytest.approx(fluxes[1], rel=0.06)
 
 
-@pytest.mark.parametrize("form", [pytest.param(bsdf_file, marks=pytest.mark.slow), klems_file])
+@pytest.mark.slow
+@pytest.mark.parametrize("form", [bsdf_file, klems_file])
 def test_a_box_of_files_is_the_box_they_were_made_of(tmp_path: Path, form: object) -> None:
     """Sky flux; a Klems matrix holds directions to 10 degrees, a tree to 3.6."""
     made = form(Lens(), tmp_path)  # type: ignore[operator]

@@ -83,7 +83,7 @@ def test_forwards_and_backwards_agree(name: str, distance: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["top", "box", "tube"])
-@pytest.mark.parametrize("prisms", ["down", "up"])
+@pytest.mark.parametrize("prisms", [pytest.param("down", marks=pytest.mark.slow), "up"])
 def test_scored_is_what_is_counted(name: str, prisms: str) -> None:
     """Beside lumens counted in fine cells, with a turned, mirrored and soiled lens; 2 % for the cells' smoothing."""
     changes = {"orientation_deg": 20.0, "mirrored": True, "soiling": 0.2, "blur_deg": 8.0}
