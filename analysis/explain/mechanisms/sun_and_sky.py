@@ -36,9 +36,8 @@ class SkySunRatio(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """A share of the sky; where a shaded meter was read, also one of the beam, through its disc."""
-        shaded = scene.is_roof & (scene.readings.sun <= 0.0)
         through = Branch("through the shading disc", "disc")
-        return (Branch(), through) if np.any(scene.remember(beam_above)[shaded] > 0.0) else (Branch(),)
+        return (Branch(), through) if np.any(scene.remember(beam_behind_disc) > 0.0) else (Branch(),)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """The disc is at most a few degrees too wide or too narrow."""
@@ -47,9 +46,8 @@ class SkySunRatio(Mechanism):
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move light between the parts at constant global illuminance."""
         if branch.value:
-            shaded = scene.is_roof & (scene.readings.sun <= 0.0) & (scene.readings.sky > 0.0)
-            more = p[0] * scene.remember(beam_above) / np.maximum(scene.readings.sky, 1e-9)
-            light.sky_factor = np.where(shaded, light.sky_factor * np.maximum(1.0 + more, 0.0), light.sky_factor)
+            more = p[0] * scene.remember(beam_behind_disc) / np.maximum(scene.readings.sky, 1e-9)
+            light.sky_factor = light.sky_factor * np.maximum(1.0 + more, 0.0)
             return
         diffuse, beam = scene.readings.diffuse_lx, scene.beam_lx
         lost = np.divide(p[0] * diffuse, beam, out=np.zeros_like(beam), where=beam > 0.02 * diffuse)
@@ -67,20 +65,20 @@ class SkySunRatio(Mechanism):
         )
 
 
-def beam_above(scene: Scene) -> Floats:
-    """Predicted horizontal beam [lx] at the time of each row, from a meter of the same test that sees it; (N,).
+def beam_behind_disc(scene: Scene) -> Floats:
+    """Predicted horizontal beam [lx] that each row's meter is shaded from, as another sees it in the same test; (N,).
 
-    Zero in tests where none does.
+    Zero for meters that see the sun in that test, and where none does.
     """
     r = scene.readings
     found = np.zeros(len(r))
     for k in np.unique(r.test[scene.is_roof]):
         rows = np.flatnonzero(scene.is_roof & (r.test == k))
-        seeing = rows[r.sun[rows] > 0.0]
-        seeing = seeing[r.channel[seeing] == r.channel[seeing[0]]] if len(seeing) else seeing
-        if len(seeing):
-            order = seeing[np.argsort(r.utc_ns[seeing])]
-            found[rows] = np.interp(r.utc_ns[rows], r.utc_ns[order], r.sun[order])
+        sees = np.isin(r.channel[rows], r.channel[rows[r.sun[rows] > 0.0]])
+        if np.any(sees):
+            one = rows[sees & (r.channel[rows] == r.channel[rows[sees][0]])]
+            one, shaded = one[np.argsort(r.utc_ns[one])], rows[~sees]
+            found[shaded] = np.interp(r.utc_ns[shaded], r.utc_ns[one], r.sun[one])
     return found
 
 
