@@ -282,7 +282,7 @@ class ChannelGain(Mechanism):
         return tuple(Branch(r.case.channels[k].id, int(k)) for k in np.unique(r.channel[scene.is_gonio | scene.is_sky]))
 
     def why_not(self, scene: Scene) -> str:
-        """With one sensor its gain is the gain of everything."""
+        """With one sensor on the arm its gain is the gain of every test; a lone camera's is no test's."""
         alone = np.any(scene.is_gonio) and len(self.branches(scene)) == 1
         return "there is only one channel" if alone else ""
 
