@@ -24,7 +24,7 @@ def camera_is_measured(scene: Scene) -> np.ndarray:
     return np.asarray(camera[scene.readings.channel])
 
 
-def _seen(scene: Scene, values: Floats, factor: Floats) -> Floats:
+def seen(scene: Scene, values: Floats, factor: Floats) -> Floats:
     """Multiply what the camera saw by ``factor`` (or divide, where the camera is the prediction)."""
     gain = np.where(camera_is_measured(scene), factor, 1.0 / np.maximum(factor, 1e-6))
     return np.where(scene.is_sky, values * gain, values)
@@ -70,7 +70,7 @@ class Vignetting(CameraMechanism):
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Darken towards the rim."""
-        return _seen(scene, values, 1.0 - p[0] * np.minimum(zenith_angle(scene), 1.2) ** branch.value)
+        return seen(scene, values, 1.0 - p[0] * np.minimum(zenith_angle(scene), 1.2) ** branch.value)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
@@ -114,7 +114,7 @@ class SpectralMismatch(CameraMechanism):
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Weight by the blueness."""
-        return _seen(scene, values, 1.0 + p[0] * _blueness(scene, branch.value))
+        return seen(scene, values, 1.0 + p[0] * _blueness(scene, branch.value))
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
@@ -242,7 +242,7 @@ class ProjectionError(CameraMechanism):
             size = np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
             moved = v + np.radians(shift)[:, None] * outward / size
         moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
-        return _seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
+        return seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""

@@ -273,7 +273,7 @@ class ChannelGain(Mechanism):
     leaves_out = "One sensor's sensitivity is wrong."
     parameters = (Parameter("error", "1", "relative error of the sensitivity", -0.9, 3.0, 0.12, (-0.08, 0.08)),)
     source = "y_i (1 + e) for one channel i"
-    tie_breaker = "swap the sensor with its neighbour"
+    tie_breaker = "swap the sensor with its neighbour; for a lone instrument, another one beside it"
     kinds = ("goniometer", "sky")
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:

@@ -13,7 +13,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import USUAL, sky_error_effects
 from tests.analysis.explain.campaign import Floats
-from tests.analysis.explain.roof import SKY_TESTS, luminance, picture_points, sky_case, sun_distance
+from tests.analysis.explain.roof import SKY_TESTS, luminance, picture_points, sky_case, sun_distance, sun_of
 
 ZENITH, ROUND = picture_points()
 
@@ -61,3 +61,24 @@ def test_what_turns_with_the_sun_and_has_no_name_gets_none(tmp_path: Path) -> No
     content = answer(explain(sky_case(tmp_path / "case", seen(np.concatenate([*ghost, np.zeros(40)])))))
     assert content["verdict"] in {"unexplained", "partly-explained"}
     assert content["mismatch"], "it is located"
+
+
+def test_a_camera_that_stands_turned_is_no_clock(tmp_path: Path) -> None:
+    """All pictures turned by one angle: a law beyond the catalogue, which does better than another time."""
+    turned = [luminance(t, ZENITH, ROUND + 9.0) / luminance(t, ZENITH, ROUND) - 1.0 for t in SKY_TESTS]
+    content = answer(explain(sky_case(tmp_path / "case", seen(np.concatenate(turned)))))
+    assert content["verdict"] == "unexplained" and not content["mechanisms"]
+    law = max((u for u in content["unnamed"] if "conjecture" in u), key=lambda u: float(u["nats"]))
+    assert law["along"] == "turned camera" and law["nats"] > 10.0
+
+
+def test_a_clock_is_no_turned_camera(tmp_path: Path) -> None:
+    later = []
+    for test in SKY_TESTS:
+        altitude, azimuth = (float(a[0]) for a in sun_of((test,), 80.0 + 25.0 * 60.0))
+        away = sun_distance(ZENITH, ROUND, altitude, azimuth), sun_distance(ZENITH, ROUND, *test.sun)
+        glow = 0.0 if test.sky == "overcast" else 3.0
+        base = 0.7 + 0.4 * (ZENITH / 90.0) ** 2
+        later.append((base + glow * np.exp(-away[0] / 25.0)) / (base + glow * np.exp(-away[1] / 25.0)) - 1.0)
+    content = answer(explain(sky_case(tmp_path / "case", seen(np.concatenate(later)))))
+    assert [m["id"] for m in content["mechanisms"]] == ["clock-offset"]
