@@ -16,7 +16,7 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import HAZES, daylight_of, on_top, ratio
+from analysis.explain.tracing import HAZES, SAMPLES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.room import Room
@@ -133,6 +133,7 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
                 [Change("", on_top(systems[system], change))],
                 distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
                 rays=RAYS,
+                samples=SAMPLES,
                 gamma_deg=GAMMA_DEG,
                 c_deg=np.append(C_DEG, 360.0),
             ).variants[0][1]

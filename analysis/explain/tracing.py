@@ -38,6 +38,8 @@ DEPTHS: Final = (0.15, 0.6)
 RAYS: Final = 100_000
 MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
+SAMPLES: Final = 8_192
+"""Entries of the lens tables."""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
@@ -116,6 +118,7 @@ class Tracing:
             distance_m=self.case.setup.goniometer.distance_m,
             rays=rays or RAYS,
             sun_samples=SUN_SAMPLES,
+            samples=SAMPLES,
             sky=sky,
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),

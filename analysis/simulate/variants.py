@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.simulate.changes import TALLY_KEYS, Change, changed
 from analysis.simulate.daylight import Daylight, sky_source, sun_source
-from analysis.simulate.lens import Sampler
+from analysis.simulate.lens import SAMPLES, Sampler
 from analysis.simulate.model import skylight
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
@@ -125,6 +125,7 @@ def variants(
     seed: int = 1,
     threads: int = 0,
     sun_samples: int = 0,
+    samples: int = SAMPLES,
     sky: bool = True,
     gamma_deg: Floats = GAMMA_DEG,
     c_deg: Floats = C_DEG,
@@ -133,12 +134,13 @@ def variants(
     """Predict a system under several daylights, as it is and with each change.
 
     ``rays`` are traced for each sun, and `SKY_SHARE` times as many for each sky. ``c_deg`` must be closed (0 to 360).
-    The result depends on seed and rays, not on ``threads`` (0: all cores). ``sun_samples``: see `Settings`; 0 takes a
-    quarter of the rays. Without ``sky`` the sky part is not traced, and zero.
+    The result depends on seed and rays, not on ``threads`` (0: all cores). ``samples`` and ``sun_samples``:
+    see `Settings`; 0 of the latter takes a quarter of the rays. Without ``sky`` the sky part is not traced, and zero.
     Raises `ConfigError` for a setting that does not exist.
     """
     plans = [_plan(system, {}, distance_m), *(_plan(system, change.setting, distance_m) for change in changes)]
-    runs = _Runs(tests, Settings(rays=rays, seed=seed, sun_samples=sun_samples or _samples(rays)), sampler, sky)
+    settings = Settings(rays=rays, seed=seed, samples=samples, sun_samples=sun_samples or _samples(rays))
+    runs = _Runs(tests, settings, sampler, sky)
     for plan in plans:
         runs.want(plan)
     tallies = runs.made(threads or len(os.sched_getaffinity(0)))

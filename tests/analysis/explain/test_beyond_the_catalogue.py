@@ -21,11 +21,11 @@ from analysis.explain.readings import Readings
 from analysis.explain.repeats import repeats
 from analysis.explain.scene import Scene
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import TESTS, Floats, Rows, Truth, light, make_case, rows_of
+from tests.analysis.explain.campaign import TESTS, Floats, Rows, Sky, Truth, light, make_case, rows_of
 
 
-def _explained(folder: Path, truth: Truth) -> Explanation:
-    return explain(make_case(folder, truth))
+def _explained(folder: Path, truth: Truth, tests: tuple[Sky, ...] = TESTS[::2]) -> Explanation:
+    return explain(make_case(folder, truth, tests=tests))
 
 
 def _conjectures(content: dict[str, Any]) -> list[str]:

@@ -1,9 +1,11 @@
 """Our own re-simulations: what each setting changes, as ratios to themselves."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
-from analysis.explain import again, settings, tracing
+from analysis.explain import again, likeness, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
@@ -18,19 +20,28 @@ BOX, TUBE = 0, 1
 pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
 
 
-@pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> OwnSimulation:
-    """A box and a tube, each under one sky, with few rays and few moments."""
-    case = make_case(tmp_path_factory.mktemp("case") / "case", tests=(TESTS[1], TESTS[5]))
+@pytest.fixture(scope="module", autouse=True)
+def few_rays() -> Iterator[None]:
+    """Few rays and few moments; lens tables that are made in a second."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tracing, "RAYS", 20_000)
         patch.setattr(tracing, "MORE_RAYS", 20_000)
         patch.setattr(tracing, "SUN_SAMPLES", 8_192)
+        patch.setattr(tracing, "SAMPLES", 1_024)
+        patch.setattr(again, "SAMPLES", 1_024)
+        patch.setattr(likeness, "SAMPLES", 512)
         patch.setattr(settings, "MINUTES", (-15.0, 15.0))
-        simulator = simulator_of(case)
-        assert simulator is not None
-        assert simulator.made
-        return simulator
+        yield
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory, few_rays: None) -> OwnSimulation:
+    """A box and a tube, each under one sky."""
+    case = make_case(tmp_path_factory.mktemp("case") / "case", tests=(TESTS[1], TESTS[5]))
+    simulator = simulator_of(case)
+    assert simulator is not None
+    assert simulator.made
+    return simulator
 
 
 @pytest.fixture(scope="module")
