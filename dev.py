@@ -73,7 +73,7 @@ def main() -> None:
         check(programs)
         # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
-        run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", *rest)
+        run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder", *rest)
 
 
 main()
