@@ -22,6 +22,12 @@ DAYS = [daylight(35.0, 100.0, 50_000.0, 12_000.0, "perez"), daylight(62.0, 170.0
 DISTANCE_M = 2.6
 
 
+@pytest.fixture(autouse=True)
+def quick_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lens tables that are made in a second, not in three."""
+    monkeypatch.setattr(likeness, "SAMPLES", 512)
+
+
 def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Floats:
     """Somebody's sun part of each test, (T, P, G) [cd]."""
     source = sun_source(days)
