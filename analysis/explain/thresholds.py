@@ -63,12 +63,13 @@ APART = 1.2
 """Rivals within these log odds of a name that is not sure enough are not told apart from it."""
 SURE = 0.6
 """A mechanism (with its doubles) less probable than this, among those that could stand in its place, is not named."""
-SURE_BELOW = 0.7
-"""The same below a skylight. (On other authors' cases two first names of nine that were less sure were right.)"""
+SURE_BELOW = 0.65
+"""The same below a skylight. (On other authors' cases four first names of thirteen that were less sure were right, and
+all three between this and .7.)"""
 SURE_BESIDE = 0.68
 """Share of a second or a third name among all that could stand in its place (its probability is `RELIABLE` times that):
 the form of the first leaves what others may take."""
-SURE_BESIDE_BELOW = 0.74
+SURE_BESIDE_BELOW = 0.7
 """The same below a skylight."""
 SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
