@@ -39,7 +39,7 @@ def answer(e: Explanation) -> dict[str, Any]:
         "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
         "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
         "leftover": [_place(m) for m in e.leftover],
-        "unnamed": [_unnamed(u) for u in found.unnamed[:4]],
+        "unnamed": [_unnamed(u) for u in found.unnamed_told],
         "fit": _fit(e),
         "next_measurement": _next(e),
         "evidence": [

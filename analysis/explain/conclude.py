@@ -206,10 +206,10 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     extra = search.allowed(best)
     found.unnamed = _unnamed_beside(search, best, extra)
     if best.ids:
-        alone = _unnamed_beside(search, found.nothing, ())
-        smooth = found.rivals_of_names(alone)
+        found.instead = _unnamed_beside(search, found.nothing, ())
+        smooth = found.rivals_of_names(found.instead)
         found.unnamed_alone = max((u.gain for u in smooth if u.conjecture is None), default=0.0)
-        found.law_alone = max((u.gain for u in alone if u.conjecture is not None), default=-np.inf)
+        found.law_alone = max((u.gain for u in found.instead if u.conjecture is not None), default=-np.inf)
 
 
 def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:

@@ -41,6 +41,8 @@ from analysis.explain.thresholds import (
     UNNAMED_ALONE,
 )
 
+_TOLD = 4  # so many kinds of unnamed structure are told
+
 
 @dataclass(frozen=True)
 class Unnamed:
@@ -79,6 +81,8 @@ class Conclusion:
         What it was compared with; singles are sorted, best first.
     unnamed
         Unnamed structure that still gains beside the best, largest gain first.
+    instead
+        The same without any named mechanism, where there is one.
     unnamed_alone
         Best gain of an unnamed family without any named mechanism [nats]; see `rivals_of_names`.
     law_alone
@@ -103,6 +107,7 @@ class Conclusion:
     alternatives: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     indistinguishable: list[tuple[str, str]] = field(default_factory=list)
     unnamed: list[Unnamed] = field(default_factory=list)
+    instead: list[Unnamed] = field(default_factory=list)
     unnamed_alone: float = 0.0
     law_alone: float = -np.inf
     one_instrument: bool = False
@@ -126,6 +131,13 @@ class Conclusion:
         is what it was.
         """
         return [u for u in unnamed if self.one_instrument or not u.single]
+
+    @property
+    def unnamed_told(self) -> list[Unnamed]:
+        """The most promising of unnamed structure, and its best law; where nothing is named, in place of names."""
+        found = self.instead if self.verdict == "unexplained" and self.best.ids else self.unnamed
+        laws = [u for u in found if u.conjecture is not None]
+        return found[:_TOLD] + [u for u in laws[:1] if u not in found[:_TOLD]]
 
     @property
     def left_against(self) -> float:
