@@ -70,6 +70,7 @@ def test_a_camera_that_stands_turned_is_no_clock(tmp_path: Path) -> None:
     assert content["verdict"] == "unexplained" and not content["mechanisms"]
     law = max((u for u in content["unnamed"] if "conjecture" in u), key=lambda u: float(u["nats"]))
     assert law["along"] == "turned camera" and law["nats"] > 10.0
+    assert law["size"] == pytest.approx(9.0, abs=3.0), "clockwise"
 
 
 def test_a_clock_is_no_turned_camera(tmp_path: Path) -> None:
