@@ -16,9 +16,10 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import HAZES, SAMPLES, daylight_of, on_top, ratio
+from analysis.explain.tracing import HAZES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
+from analysis.simulate.lens import SAMPLES
 from analysis.simulate.room import Room
 from analysis.simulate.variants import Parts, variants
 from labdaq.errors import ConfigError

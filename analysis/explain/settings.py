@@ -5,12 +5,13 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
 
+from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.tracing import (
@@ -27,7 +28,9 @@ from analysis.explain.tracing import (
     daylight_of,
     haze,
     knows_no_pattern,
+    over,
     ratio,
+    wide,
 )
 from analysis.simulate.variants import Parts
 
@@ -105,9 +108,7 @@ def _through(
     one = np.ones_like(traced.base[0])
     for width, note in EVENED_DEG.items():
         ratios = {at: traced.over_base(fields, width) for at, fields in lit.items()} | {origin: (one, one)}
-        at = np.array(sorted(ratios))
-        sun, sky = (np.stack([ratios[a][part] for a in at]) for part in (0, 1))
-        yield Path(label + note, parameter, at, sun, sky, geometric)
+        yield Path(label + note, parameter, *_stacked(ratios), geometric)
 
 
 def _turns(traced: Tracing) -> Iterator[Path]:
@@ -170,22 +171,34 @@ def _scatter(traced: Tracing) -> Iterator[Path]:
 def _limits(traced: Tracing) -> Iterator[Path]:
     """Light that bounces more than N times: what the prediction lacks if it was cut there.
 
-    It is added, not multiplied: below a deep well with the sun low, nothing may have been left to multiply.
+    It is added where our lens throws it: below a deep well with the sun low, nothing may have been left to multiply.
+    And as a ratio, as a wall's reflectance is: another lens throws it elsewhere, but beside what it throws there.
     """
-    rows = {}
     whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})
-    for limit in LIMITS:
-        cut = traced.spread({n: traced.as_predicted(run.again(max_bounces=limit)) for n, run in traced.precise.items()})
-        rows[float(limit)] = whole[0] - cut[0], whole[1] - cut[1]
-    rows[UNLIMITED] = np.zeros_like(whole[0]), np.zeros_like(whole[1])
-    at = np.array(sorted(rows))
+    cuts = {float(limit): _cut(traced, limit) for limit in LIMITS}
+    lacking = {at: (whole[0] - sun, whole[1] - sky) for at, (sun, sky) in cuts.items()}
+    none, one = np.zeros_like(whole[0]), np.ones_like(whole[0])
     what = "reflections on the wall after which the simulation stopped"
     limit_of = Parameter("max_bounces", "1", what, 1.0, UNLIMITED, 12.0, (2.0, 4.0, 7.0, 14.0), centre=UNLIMITED)
     stated = traced.case.setup.simulation.max_bounces
     if stated:
         limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
-    sun, sky = np.stack([rows[a][0] for a in at]), np.stack([rows[a][1] for a in at])
-    yield Path("own re-simulation", limit_of, at, sun, sky, added=True)
+    yield Path("own re-simulation", limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
+    for width, note in EVENED_DEG.items():
+        most = wide(whole, width)
+        ratios = {at: over(most, wide(cut, width)) for at, cut in cuts.items()} | {UNLIMITED: (one, one)}
+        yield Path(f"ratio to what was left{note}", limit_of, *_stacked(ratios))
+
+
+def _cut(traced: Tracing, limit: int) -> Field:
+    """Both parts as they are predicted without what bounces more than ``limit`` times."""
+    return traced.spread({n: traced.as_predicted(run.again(max_bounces=limit)) for n, run in traced.precise.items()})
+
+
+def _stacked(fields: Mapping[float, Field]) -> tuple[Floats, Floats, Floats]:
+    """Positions in order, and the fields of both parts at them."""
+    at = np.array(sorted(fields))
+    return at, np.stack([fields[a][0] for a in at]), np.stack([fields[a][1] for a in at])
 
 
 def _reflectances(traced: Tracing) -> Iterator[Path]:

@@ -17,6 +17,7 @@ from analysis.explain.geometry import blurred
 from analysis.explain.readings import sun_at
 from analysis.simulate.changes import Change, lenses_of
 from analysis.simulate.daylight import Daylight, daylight
+from analysis.simulate.lens import SAMPLES
 from analysis.simulate.system import System, from_case_table
 from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
@@ -38,8 +39,6 @@ DEPTHS: Final = (0.15, 0.6)
 RAYS: Final = 100_000
 MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
-SAMPLES: Final = 8_192
-"""Entries of the lens tables."""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
@@ -153,9 +152,8 @@ class Tracing:
     def over_base(self, lit: Field, width_deg: float) -> Field:
         """Ratio of both parts to those of the systems as described, both blurred by a Gaussian of ``width_deg``."""
         if width_deg not in self._blurred:
-            self._blurred[width_deg] = blurred(self.base[0], width_deg), blurred(self.base[1], width_deg)
-        sun, sky = (ratio(blurred(new, width_deg), old) for new, old in zip(lit, self._blurred[width_deg], strict=True))
-        return sun, sky
+            self._blurred[width_deg] = wide(self.base, width_deg)
+        return over(wide(lit, width_deg), self._blurred[width_deg])
 
     # what is made of it
 
@@ -187,6 +185,16 @@ class Tracing:
             flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
             made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
         return made
+
+
+def wide(parts: Field, width_deg: float) -> Field:
+    """Both parts blurred by a Gaussian of ``width_deg``."""
+    return blurred(parts[0], width_deg), blurred(parts[1], width_deg)
+
+
+def over(new: Field, old: Field) -> Field:
+    """Ratio of both parts; see `ratio`."""
+    return ratio(new[0], old[0]), ratio(new[1], old[1])
 
 
 def haze(where: tuple[str, ...]) -> Setting:

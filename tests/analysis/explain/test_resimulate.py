@@ -26,7 +26,6 @@ def few_rays() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tracing, "RAYS", 20_000)
         patch.setattr(tracing, "MORE_RAYS", 20_000)
-        patch.setattr(tracing, "SUN_SAMPLES", 8_192)
         patch.setattr(tracing, "SAMPLES", 1_024)
         patch.setattr(again, "SAMPLES", 1_024)
         patch.setattr(likeness, "SAMPLES", 512)
@@ -115,6 +114,21 @@ def test_what_a_bounce_limit_cuts_grows_less_with_the_limit(made: Retracings) ->
     assert path.positions[-1] == UNLIMITED
     assert np.all(lost[-1] == 0.0)
     assert np.all(lost[0] > 0.0)
+
+
+def test_a_limit_as_a_ratio_brings_back_as_much_as_it_cut(simulated: OwnSimulation, made: Retracings) -> None:
+    lacking = _path(made, "bounce-truncation", "own re-simulation")
+    traced = Tracing(simulated.case, made.systems)
+    whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})[1]
+    for label in ("ratio to what was left", f"ratio to what was left{EVENED}"):
+        path = _path(made, "bounce-truncation", label)
+        assert path.positions[-1] == UNLIMITED
+        assert np.all(path.sky[-1] == 1.0)
+        k = int(np.flatnonzero(path.positions == 4.0)[0])
+        again = (whole - lacking.sky[k]) * path.sky[k]
+        share = np.sum(again * solid_angle(), axis=(1, 2)) / np.sum(whole * solid_angle(), axis=(1, 2))
+        assert np.allclose(share, 1.0, atol=0.03)
+        assert np.all(path.sky[k].mean(axis=(1, 2)) > 1.01)
 
 
 def test_of_a_sum_the_sky_takes_its_share(simulated: OwnSimulation, scene: Scene) -> None:
