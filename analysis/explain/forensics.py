@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain.noise import scale_of
 from analysis.explain.readings import GONIOMETER, ROOF, Readings, dropped, sun_at
 
 _EXTRATERRESTRIAL_LX = 1.4e5  # horizontal daylight cannot exceed it by much; clear-sky beam efficacy included
@@ -33,12 +34,14 @@ def forensics(readings: Readings) -> list[str]:
     """All findings, as sentences."""
     case = readings.case
     found = [*_missing(case), *_stamps(readings), *_suns(readings), *_impossible(readings)]
+    found += (scaled := list(_scale(readings)))
     for k, channel in enumerate(case.channels):
         rows = readings.channel == k
         if np.any(rows):
             found += _digits(channel.id, case, rows, readings)
             found += _limits(channel.id, channel.range_max, readings.measured[rows] / readings.unit_factor[rows])
-            found += _factor(channel.id, readings, rows)
+            if not scaled or channel.kind != GONIOMETER:
+                found += _factor(channel.id, readings, rows)
     found += _repeats(readings)
     found += _labels(readings)
     return found
@@ -178,9 +181,23 @@ def _factor(name: str, r: Readings, rows: NDArray[np.bool_]) -> Iterator[str]:
     if np.count_nonzero(good) < 5:
         return
     ratio = float(np.median(r.measured[good] / r.simulated[good]))
-    for factor, meaning in _KNOWN_FACTORS.items():
-        if abs(np.log(ratio / factor)) < 0.06:
-            yield f"{name} reads about {ratio:.3g} times its prediction; that looks like {meaning}."
+    if meaning := _known_factor(ratio):
+        yield f"{name} reads about {ratio:.3g} times its prediction; that looks like {meaning}."
+
+
+def _known_factor(ratio: float) -> str:
+    """What a ratio looks like, if it is one that units and conventions are confused by."""
+    return next((m for factor, m in _KNOWN_FACTORS.items() if abs(np.log(ratio / factor)) < 0.06), "")
+
+
+def _scale(r: Readings) -> Iterator[str]:
+    """One factor between all that an arm read and its prediction."""
+    if ratio := math.exp(scale_of(r)) if scale_of(r) else 0.0:
+        like = f", like {meaning}" if (meaning := _known_factor(ratio)) else ""
+        yield (
+            f"All sensors of the goniometer read about {ratio:.3g} times their prediction{like}: taken for a matter of "
+            "units or calibration, so that only what differs beside it is explained."
+        )
 
 
 def _repeats(r: Readings) -> Iterator[str]:

@@ -24,6 +24,8 @@ from analysis.explain.whitening import Blocks, Factored, Solved, Whitener
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.006
+GAIN_OF_ALL: Final = 0.4
+"""Where all readings together are off by more than this (logarithm), that is a scale, no physics."""
 POINTING_DEG: Final = 0.14
 """Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
 
@@ -109,7 +111,7 @@ class Nuisance:
     def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats, alone: Floats | None = None) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
-        self._gains = np.concatenate([self._sensor_gains(), split_errors(readings)], axis=1)
+        self._gains = np.concatenate([self._sensor_gains(), split_errors(readings), scale_error(readings)], axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
         self._alone = np.zeros(len(readings)) if alone is None else alone
@@ -147,6 +149,22 @@ class Nuisance:
     def whitener(self, hyper: Hyper) -> Whitener:
         """The covariance at some sizes."""
         return self.factored(hyper).whitener(hyper.lens)
+
+
+def scale_of(r: Readings) -> float:
+    """Logarithm of a scale that one side of all goniometer rows has and the other has not; 0 where there is none.
+
+    Of units, of a calibration, of the simulated lens: so far off as no level of a simulation is.
+    """
+    rows = (r.kind == GONIOMETER) & (r.measured > 0.0) & (r.simulated > 0.0)
+    off = float(np.median(np.log(r.measured[rows] / r.simulated[rows]))) if np.any(rows) else 0.0
+    return off if abs(off) > GAIN_OF_ALL else 0.0
+
+
+def scale_error(r: Readings) -> Floats:
+    """Effect (N, 0 or 1) of such a scale: what physics of the catalogue there is beside it is told by its shape."""
+    loud = np.where(r.kind == GONIOMETER, np.abs(r.measured) / r.scale, 0.0)
+    return np.asarray((scale_of(r) * loud)[:, None] if scale_of(r) else np.zeros((len(r), 0)))
 
 
 def split_errors(r: Readings) -> Floats:

@@ -222,8 +222,9 @@ def name_the_sure(found: Conclusion) -> bool:
     """Where the first name is doubtful: name the one that all likely sets hold, if there is one, and say so.
 
     That may be the first name itself, if it is doubtful only for what is left beside it, and likely sets have another
-    name for that. What else there is stays open: the verdict is ``partly-explained``. Of one instrument nothing is
-    named so: what else is wrong with it decides how large the named is.
+    name for that; a law outside the catalogue that does as well is a set without it. What else there is stays open: the
+    verdict is ``partly-explained``. Of one instrument nothing is named so: what else is wrong with it decides how large
+    the named is.
     """
     ids = found.best.ids
     if found.one_instrument or not ids or min(found.probability.values()) >= found.sure:
@@ -231,6 +232,7 @@ def name_the_sure(found: Conclusion) -> bool:
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])
     nats = found.temper(evidence - found.nothing.evidence)
+    weighed.append(((), found.nothing.evidence + found.law_alone - LIKELIER * nats))
     without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)

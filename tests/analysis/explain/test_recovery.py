@@ -179,6 +179,18 @@ def test_a_meter_that_is_not_level_is_found(tmp_path: Path) -> None:
     assert held["after"]["rms_percent"] < 0.3 * held["before"]["rms_percent"]
 
 
+@pytest.mark.parametrize("scale", [1.0 / 3.1, 2.5])
+def test_a_scale_of_all_readings_is_told_and_is_no_physics(tmp_path: Path, scale: float) -> None:
+    """A third of the light had been dirt, with a probability of .95; what acts beside the scale is still found."""
+    nothing = answer(explain(make_case(tmp_path / "nothing", lambda rows: scale * light(rows), tests=TESTS[::2])))
+    assert nothing["verdict"] == "no-mismatch"
+    (said,) = [f for f in nothing["findings"] if "All sensors" in f]
+    assert ("1/π" in said) == (scale < 1.0)
+    truth = effects.c_offset(6.0)
+    turned = answer(explain(make_case(tmp_path / "turned", lambda rows: scale * truth(rows), tests=TESTS[::2])))
+    assert [m["id"] for m in turned["mechanisms"]] == ["c-offset"]
+
+
 def test_two_heads_of_one_make_err_alike(tmp_path: Path) -> None:
     """Both meters read the low sun's beam too high, and the sky as much as its mean over a uniform one."""
     altitude = sun_of(ROOF_TESTS, 60.0)[0]

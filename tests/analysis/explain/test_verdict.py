@@ -94,6 +94,15 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
 
 
+def test_no_name_is_sure_where_a_law_beyond_the_catalogue_does_better(arm: Scene) -> None:
+    """An arm that sags, taken for an offset beside whatever else: both likely sets hold the offset, the law neither."""
+    found = _decided(arm, ("gamma-offset", 150.0), ("cosine-response", 54.0), law_alone=440.0)
+    found.considered = [(("gamma-offset", "lens-orientation"), 266.0), (("gamma-offset", "cosine-response"), 250.0)]
+    assert not name_the_sure(found)
+    found.law_alone = 100.0
+    assert name_the_sure(found)
+
+
 def test_a_name_that_is_doubtful_for_what_is_left_stays_where_likely_sets_explain_that(arm: Scene) -> None:
     """A bent response beside another split of sun and sky, or another meter's error: which of these is not told."""
     found = _decided(arm, ("nonlinearity", 110.0), ("meter-cosine", 90.0), ("sky-sun-ratio", 59.0), left=193.0)
