@@ -72,10 +72,8 @@ def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wa
 def _odd(search: Search, fit: Fit, extra: tuple[Extra, ...], edge_deg: float = 0.0) -> Ints:
     """Rows that are far from what all others say of them, the oddest first."""
     scene, whitener = search.scene, search.fitter.whitener(fit.hyper, extra)
-    inverse_root = whitener.whitened(np.eye(len(scene.readings)))
-    others_say = inverse_root.T @ whitener.whitened(fit.residual[:, None])[:, 0]
-    precision = np.sum(inverse_root**2, axis=0)
+    precision = whitener.squares(np.eye(len(scene.readings)))
     wrong = (edge_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
-    deviation = np.abs(others_say) / precision / np.sqrt(1.0 / precision + wrong)
+    deviation = np.abs(whitener.weights(fit.residual)) / precision / np.sqrt(1.0 / precision + wrong)
     oddest = np.argsort(-deviation)[: max(int(_FEW * len(deviation)), 1)]
     return np.asarray(oddest[deviation[oddest] > ODD])

@@ -5,9 +5,10 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 
 import dataclasses
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final
+from functools import partial
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -32,7 +33,8 @@ from analysis.explain.tracing import (
     ratio,
     wide,
 )
-from analysis.simulate.variants import Parts
+
+X = TypeVar("X")
 
 LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
@@ -60,6 +62,12 @@ def paths_of(traced: Tracing) -> dict[str, tuple[Path, ...]]:
         "clock-offset": tuple(_every(traced, _clock(traced))),
     }
     return {key: paths for key, paths in made.items() if paths}
+
+
+def _each(work: Callable[[X], Field], items: Iterable[X]) -> list[Field]:
+    """``work`` of each item, on as many threads as there are cores."""
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        return list(pool.map(work, items))
 
 
 def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
@@ -107,7 +115,8 @@ def _through(
     """The path through fields that were traced at its positions, at each of `EVENED_DEG`."""
     one = np.ones_like(traced.base[0])
     for width, note in EVENED_DEG.items():
-        ratios = {at: traced.over_base(fields, width) for at, fields in lit.items()} | {origin: (one, one)}
+        over_base = _each(partial(traced.over_base, width_deg=width), lit.values())
+        ratios = dict(zip(lit, over_base, strict=True)) | {origin: (one, one)}
         yield Path(label + note, parameter, *_stacked(ratios), geometric)
 
 
@@ -175,7 +184,7 @@ def _limits(traced: Tracing) -> Iterator[Path]:
     And as a ratio, as a wall's reflectance is: another lens throws it elsewhere, but beside what it throws there.
     """
     whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})
-    cuts = {float(limit): _cut(traced, limit) for limit in LIMITS}
+    cuts = dict(zip(map(float, LIMITS), _each(partial(_cut, traced), LIMITS), strict=True))
     lacking = {at: (whole[0] - sun, whole[1] - sky) for at, (sun, sky) in cuts.items()}
     none, one = np.zeros_like(whole[0]), np.ones_like(whole[0])
     what = "reflections on the wall after which the simulation stopped"
@@ -185,9 +194,13 @@ def _limits(traced: Tracing) -> Iterator[Path]:
         limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
     yield Path("own re-simulation", limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
     for width, note in EVENED_DEG.items():
-        most = wide(whole, width)
-        ratios = {at: over(most, wide(cut, width)) for at, cut in cuts.items()} | {UNLIMITED: (one, one)}
+        over_cut = _each(partial(_over, wide(whole, width), width), cuts.values())
+        ratios = dict(zip(cuts, over_cut, strict=True)) | {UNLIMITED: (one, one)}
         yield Path(f"ratio to what was left{note}", limit_of, *_stacked(ratios))
+
+
+def _over(most: Field, width_deg: float, cut: Field) -> Field:
+    return over(most, wide(cut, width_deg))
 
 
 def _cut(traced: Tracing, limit: int) -> Field:
@@ -206,7 +219,7 @@ def _reflectances(traced: Tracing) -> Iterator[Path]:
     for name, run in traced.runs.items():
         assumed = run.system.wall.reflectance
         tried = sorted({min(max(assumed + d, LEAST), MOST) for d in REFLECTANCES} | {assumed})
-        lit = {r: traced.spread(_with(traced, name, traced.as_predicted(run.again(wall_reflectance=r)))) for r in tried}
+        lit = dict(zip(tried, _each(partial(_with_wall, traced, name), tried), strict=True))
         what = f"reflectance of the well of {name}"
         starts = tuple(r for r in (assumed - 0.1, assumed - 0.03, assumed + 0.02) if tried[0] < r < tried[-1])
         parameter = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
@@ -222,26 +235,30 @@ def _all_walls(traced: Tracing) -> Iterator[Path]:
     walls = [run.system.wall.reflectance for run in runs.values()]
     least, most = LEAST - min(walls), MOST - max(walls)
     tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
-    lit = {}
-    for d in tried:
-        moved = {n: run.again(wall_reflectance=run.system.wall.reflectance + d) for n, run in runs.items()}
-        lit[d] = traced.spread({n: traced.as_predicted(outcome) for n, outcome in moved.items()})
+
+    def moved(change: float) -> Field:
+        walls = {n: run.again(wall_reflectance=run.system.wall.reflectance + change) for n, run in runs.items()}
+        return traced.spread({n: traced.as_predicted(outcome) for n, outcome in walls.items()})
+
+    lit = dict(zip(tried, _each(moved, tried), strict=True))
     what = "change of the reflectance of all wells"
     starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
     change = Parameter("change", "1", what, tried[0], tried[-1], 0.05, starts)
     yield from _through(traced, "all systems alike", change, lit, 0.0, geometric=True)
 
 
-def _with(traced: Tracing, name: str, parts: Parts) -> dict[str, Parts]:
-    return {n: traced.as_predicted(run.baseline) for n, run in traced.runs.items()} | {name: parts}
+def _with_wall(traced: Tracing, name: str, reflectance: float) -> Field:
+    """Both parts with another wall in one system."""
+    parts = {n: traced.as_predicted(run.baseline) for n, run in traced.runs.items()}
+    changed = traced.runs[name].again(wall_reflectance=reflectance)
+    return traced.spread(parts | {name: traced.as_predicted(changed)})
 
 
 def _clock(traced: Tracing) -> Iterator[Path]:
     """The sun earlier or later than the recorded times say, the illuminances as measured."""
     if traced.case.setup.site is None or any(t.start is None for t in traced.case.tests):
         return
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        lit = dict(zip(MINUTES, pool.map(lambda minutes: _later(traced, minutes), MINUTES), strict=True))
+    lit = dict(zip(MINUTES, _each(partial(_later, traced), MINUTES), strict=True))
     starts = (-60.0, -30.0, -10.0, 10.0, 30.0, 60.0)
     late = Parameter("offset_min", "min", "true time minus recorded time", -65.0, 65.0, 15.0, starts)
     yield from _through(traced, "own re-simulation", late, lit, 0.0)
