@@ -39,6 +39,8 @@ DEPTHS: Final = (0.15, 0.6)
 RAYS: Final = 100_000
 MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
+MANY: Final = 7
+"""With more tests than these each has the fewer rays: what counts is what they tell together, and a case's time."""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 _DARK: Final = 0.01
@@ -87,6 +89,11 @@ class Tracing:
         return {name: tests for name, tests in days.items() if tests}
 
     @cached_property
+    def _share(self) -> float:
+        """Rays for each sun, over those of a case of few tests."""
+        return min(1.0, MANY / max(sum(len(days) for days in self.days.values()), 1))
+
+    @cached_property
     def runs(self) -> dict[str, VariantSet]:
         """The systems as described, and with each setting."""
         return {name: self.trace(name, [d for _, d in days], True) for name, days in self.days.items()}
@@ -94,7 +101,7 @@ class Tracing:
     @cached_property
     def precise(self) -> dict[str, VariantSet]:
         """The systems as they are with more rays, for what their bounces tell: there, no rays are shared."""
-        return {name: self.plain(name, MORE_RAYS) for name in self.days}
+        return {name: self.plain(name, int(self._share * MORE_RAYS)) for name in self.days}
 
     def plain(self, name: str, rays: int) -> VariantSet:
         """One system as described, under all its days."""
@@ -105,7 +112,7 @@ class Tracing:
     ) -> VariantSet:
         """One system under some daylights: as described, and with each of its settings if ``changed``.
 
-        ``rays`` for each sun; 0 takes `RAYS`.
+        ``rays`` for each sun; 0 takes `RAYS`, or fewer where there are many tests.
         """
         system = self.systems[name]
         changes = [Change("", on_top(system, dict(s))) for s in _settings(system)] if changed else []
@@ -115,7 +122,7 @@ class Tracing:
             days,
             changes,
             distance_m=self.case.setup.goniometer.distance_m,
-            rays=rays or RAYS,
+            rays=rays or int(self._share * RAYS),
             sun_samples=SUN_SAMPLES,
             samples=SAMPLES,
             sky=sky,
