@@ -26,11 +26,11 @@ def air_mass(altitude_deg: Floats) -> Floats:
 
 
 def air_error_effects(scene: Scene) -> Floats:
-    """Independent unit effects (N, K) on the stretched scale; (N, 0) without roof rows of two days."""
+    """Independent unit effects (N, K) on the stretched scale; (N, 0) without roof rows."""
     r = scene.readings
     day = np.where(scene.is_roof, days_of(r), -1)
     days = np.unique(day[day >= 0])
-    if len(days) < 2:
+    if len(days) == 0:
         return np.zeros((len(r), 0))
     total = np.hypot(r.simulated, r.floor)
     apart = np.isfinite(r.sun) & np.isfinite(r.sky)

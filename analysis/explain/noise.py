@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.hypers import Hyper
+from analysis.explain.mount_error import mount_errors
 from analysis.explain.nearness import by_direction, by_time, days_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.whitening import Blocks, Factored, Solved, Whitener
@@ -111,7 +112,8 @@ class Nuisance:
     def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats, alone: Floats | None = None) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
-        self._gains = np.concatenate([self._sensor_gains(), split_errors(readings), scale_error(readings)], axis=1)
+        fixed = self._sensor_gains(), split_errors(readings), scale_error(readings), mount_errors(readings)
+        self._gains = np.concatenate(fixed, axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
         self._alone = np.zeros(len(readings)) if alone is None else alone
