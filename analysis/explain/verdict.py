@@ -29,6 +29,7 @@ from analysis.explain.thresholds import (
     RELIABLE,
     ROUGH,
     ROUGH_ALONE,
+    ROUGH_ONE,
     STRONG,
     SURE,
     SURE_ALONE,
@@ -192,11 +193,11 @@ def _may_be_left(found: Conclusion, gain: float) -> float:
 
 
 def _rougher(found: Conclusion, usual: Hyper) -> bool:
-    """Whether what is left below a skylight is larger or rougher than simulations usually leave."""
+    """Whether what is left is larger or rougher than simulations, or second instruments, usually leave."""
     left = found.best.fit.hyper
-    return not found.one_instrument and (
-        left.shape > usual.shape or left.scatter > usual.scatter or left.lens > usual.lens
-    )
+    if found.one_instrument:
+        return left.shape > ROUGH_ONE
+    return left.shape > usual.shape or left.scatter > usual.scatter or left.lens > usual.lens
 
 
 def doubles(name: str) -> tuple[str, ...]:

@@ -377,6 +377,21 @@ def test_where_nothing_is_named_a_rough_rest_says_that_something_is_there(
         assert found.verdict == expected
 
 
+def test_of_one_instrument_only_a_large_shape_error_says_so(picture: Scene) -> None:
+    """A glare on a meter had been a clock of 30 nats; where nothing was left out, no shape error was so large."""
+    for shape, nothing_named, named in ((4.2, "no-mismatch", "explained"), (5.0, "unexplained", "unexplained")):
+        nothing = _hypothesis(picture, 0.0)
+        nothing.fit.hyper = Hyper(shape, 1.0)
+        found = Conclusion(nothing, nothing, [], one_instrument=True)
+        decide(found, 1.0)
+        assert found.verdict == nothing_named
+        first = _hypothesis(picture, 30.0, "vignetting")
+        first.fit.hyper = Hyper(shape, 1.0)
+        found = Conclusion(first, _hypothesis(picture, 0.0), [first], one_instrument=True, nat=TEMPER_ONE)
+        decide(found, 1.0)
+        assert found.verdict == named
+
+
 def test_what_a_strong_name_leaves_is_in_proportion(arm: Scene) -> None:
     assert _decided(arm, ("c-offset", 500.0), left=60.0).verdict == "partly-explained"
     assert _decided(arm, ("c-offset", 10_000.0), left=60.0).verdict == "explained"
