@@ -135,10 +135,10 @@ class Conclusion:
 
     @property
     def unnamed_told(self) -> list[Unnamed]:
-        """The most promising of unnamed structure, and its best law; where nothing is named, in place of names."""
-        found = self.instead if self.verdict == "unexplained" and self.best.ids else self.unnamed
-        laws = [u for u in found if u.conjecture is not None]
-        return found[:_TOLD] + [u for u in laws[:1] if u not in found[:_TOLD]]
+        """The most promising of unnamed structure; first a law that does better than all names, with what it gains."""
+        gain = self.best.evidence - self.nothing.evidence
+        laws = [u for u in self.instead if u.conjecture is not None and u.gain > gain and self.verdict == "unexplained"]
+        return laws[:1] + [u for u in self.unnamed[:_TOLD] if u.along not in {law.along for law in laws[:1]}]
 
     @property
     def left_against(self) -> float:
