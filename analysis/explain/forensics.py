@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.noise import scale_of
 from analysis.explain.readings import GONIOMETER, ROOF, Readings, dropped, sun_at
+from analysis.explain.scale_error import scale_of
 
 _EXTRATERRESTRIAL_LX = 1.4e5  # horizontal daylight cannot exceed it by much; clear-sky beam efficacy included
 _KNOWN_FACTORS = {
@@ -192,12 +192,14 @@ def _known_factor(ratio: float) -> str:
 
 def _scale(r: Readings) -> Iterator[str]:
     """One factor between all that an arm read and its prediction."""
-    if ratio := math.exp(scale_of(r)) if scale_of(r) else 0.0:
-        like = f", like {meaning}" if (meaning := _known_factor(ratio)) else ""
-        yield (
-            f"All sensors of the goniometer read about {ratio:.3g} times their prediction{like}: taken for a matter of "
-            "units or calibration, so that only what differs beside it is explained."
-        )
+    ratio = math.exp(scale_of(r))
+    if ratio == 1.0:
+        return
+    like = f", like {meaning}" if (meaning := _known_factor(ratio)) else ""
+    yield (
+        f"All sensors of the goniometer read about {ratio:.3g} times their prediction{like}: taken for a matter of "
+        "units or calibration, so that only what differs beside it is explained."
+    )
 
 
 def _repeats(r: Readings) -> Iterator[str]:

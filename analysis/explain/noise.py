@@ -20,13 +20,12 @@ from analysis.explain.hypers import Hyper
 from analysis.explain.mount_error import mount_errors
 from analysis.explain.nearness import by_direction, by_time, days_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
+from analysis.explain.scale_error import scale_error
 from analysis.explain.whitening import Blocks, Factored, Solved, Whitener
 
 GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.006
-GAIN_OF_ALL: Final = 0.4
-"""Where all readings together are off by more than this (logarithm), that is a scale, no physics."""
 POINTING_DEG: Final = 0.14
 """Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
 
@@ -151,22 +150,6 @@ class Nuisance:
     def whitener(self, hyper: Hyper) -> Whitener:
         """The covariance at some sizes."""
         return self.factored(hyper).whitener(hyper.lens)
-
-
-def scale_of(r: Readings) -> float:
-    """Logarithm of a scale that one side of all goniometer rows has and the other has not; 0 where there is none.
-
-    Of units, of a calibration, of the simulated lens: so far off as no level of a simulation is.
-    """
-    rows = (r.kind == GONIOMETER) & (r.measured > 0.0) & (r.simulated > 0.0)
-    off = float(np.median(np.log(r.measured[rows] / r.simulated[rows]))) if np.any(rows) else 0.0
-    return off if abs(off) > GAIN_OF_ALL else 0.0
-
-
-def scale_error(r: Readings) -> Floats:
-    """Effect (N, 0 or 1) of such a scale: what physics of the catalogue there is beside it is told by its shape."""
-    loud = np.where(r.kind == GONIOMETER, np.abs(r.measured) / r.scale, 0.0)
-    return np.asarray((scale_of(r) * loud)[:, None] if scale_of(r) else np.zeros((len(r), 0)))
 
 
 def split_errors(r: Readings) -> Floats:
