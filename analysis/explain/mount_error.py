@@ -12,8 +12,8 @@ from analysis.cases.model import Floats
 from analysis.explain.readings import ROOF, Readings
 
 LEVEL_DEG: Final = 0.07
-"""Usual lean of a head towards north, and towards east: what a bubble and a mast leave. (With twice as much, tilts of a
-degree had a third of their evidence left.)"""
+"""Usual lean of a head towards north, and towards east: what a bubble and a mast leave. Chosen on another author's
+roofs (with twice as much, tilts of a degree had a third of their evidence left)."""
 COSINE: Final = 0.002
 """Usual error of a head at 60° from its normal, growing as 1 - cos (of good heads; CIE/ISO 19476 f2)."""
 _LOWEST_DEG: Final = 4.0
@@ -21,7 +21,12 @@ _LOWEST_DEG: Final = 4.0
 
 
 def mount_errors(r: Readings) -> Floats:
-    """Independent unit effects (N, K) on the stretched scale; (N, 0) where no roof meter sees a beam."""
+    """Independent unit effects (N, K) on the stretched scale; (N, 0) where no roof meter sees a beam.
+
+    To first order a lean by d [rad] towards azimuth a changes the beam by d tan(z) cos(A - a) of itself, with the sun
+    at zenith angle z and azimuth A (Wang et al. 2016, Atmos. Meas. Tech. 9); a head's error e, by
+    e (1 - cos z) / (1 - cos 60°).
+    """
     roof = (r.kind == ROOF) & np.isfinite(r.sun)
     if not np.any(roof) or np.any(np.isnan((r.sun_altitude_at_deg + r.sun_azimuth_at_deg)[roof])):
         return np.zeros((len(r), 0))
