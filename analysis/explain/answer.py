@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.cases.read import COLUMNS
+from analysis.explain.conclusion import Unnamed
 from analysis.explain.fit import Fit
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
@@ -17,7 +18,6 @@ from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.mismatch import Explanation
 from analysis.explain.next_measurement import next_measurement
 from analysis.explain.scene import Scene
-from analysis.explain.verdict import Unnamed
 from labdaq.clock import utc_text
 from labdaq.whole_file import write_whole_bytes
 

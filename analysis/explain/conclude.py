@@ -4,6 +4,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.alone import odd_readings
+from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.mechanisms.base import Stage, predict
@@ -28,7 +29,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import Conclusion, Unnamed, decide, doubles, misfit, name_the_sure, share_of
+from analysis.explain.verdict import decide, doubles, misfit, name_the_sure, share_of
 
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -205,11 +206,8 @@ def _look_for_unnamed(search: Search, found: Conclusion) -> None:
     best = found.best
     extra = search.allowed(best)
     found.unnamed = _unnamed_beside(search, best, extra)
-    if best.ids:
+    if best.ids and not found.instead:  # a second look, beside other names, finds the same without any
         found.instead = _unnamed_beside(search, found.nothing, ())
-        smooth = found.rivals_of_names(found.instead)
-        found.unnamed_alone = max((u.gain for u in smooth if u.conjecture is None), default=0.0)
-        found.law_alone = max((u.gain for u in found.instead if u.conjecture is not None), default=-np.inf)
 
 
 def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) -> list[Unnamed]:

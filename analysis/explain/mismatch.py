@@ -10,6 +10,7 @@ from analysis.cases.model import Floats
 from analysis.explain.again import Again, simulated_again
 from analysis.explain.alone import quieted
 from analysis.explain.conclude import conclude
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.forensics import forensics
 from analysis.explain.form_error import form_error
@@ -22,7 +23,6 @@ from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
-from analysis.explain.verdict import Conclusion
 
 LOOKING = Hyper(1.0, 1.0, 0.4)
 """Size of the usual nuisances, when it is asked where (not why) something differs."""

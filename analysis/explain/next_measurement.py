@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.base import Mechanism, predict
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis
-from analysis.explain.verdict import Conclusion
 
 _WORTH = 1.0  # nats: a test that separates by less is not worth its time
 

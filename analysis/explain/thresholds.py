@@ -85,8 +85,8 @@ ROUGH = Hyper(3.0, 4.0, np.inf)
 ROUGH_ALONE = Hyper(3.0, 3.0, 2.0)
 """The same where nothing is named; there also an error of the lens. (Of other authors' cases without a name, six of ten
 with physics outside the catalogue had more, and one of 33 others. Beside a name, images that moved leave as much.)"""
-ROUGH_ONE = 4.5
-"""The same shape error of one instrument, named or not. (Of another author's 50 roofs four had more, all of them with
+ROUGH_ONE = Hyper(4.5, np.inf, np.inf)
+"""The same of one instrument, named or not. (Of another author's 50 roofs four had more, all of them with
 physics outside the catalogue.)"""
 LEAST_ROUGH = 75.0
 """A name beside so much that is left must gain this."""

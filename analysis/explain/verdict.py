@@ -1,13 +1,10 @@
 """The verdict: what the search came to, and how surely each name is right."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from scipy.special import expit
 
+from analysis.explain.conclusion import Conclusion, of_another_lens, temper, traced
 from analysis.explain.hypers import Hyper
-from analysis.explain.mechanisms.base import Term
-from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
@@ -15,8 +12,6 @@ from analysis.explain.thresholds import (
     APART,
     DOUBLES,
     EVEN,
-    IMITATION,
-    IMITATION_LENS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_STRONG,
@@ -31,133 +26,12 @@ from analysis.explain.thresholds import (
     ROUGH_ALONE,
     ROUGH_ONE,
     STRONG,
-    SURE,
     SURE_ALONE,
-    SURE_BELOW,
-    SURE_BESIDE,
-    SURE_BESIDE_BELOW,
     TEMPER,
     TEMPER_RANDOM,
     UNNAMED,
     UNNAMED_ALONE,
 )
-
-_TOLD = 4  # so many kinds of unnamed structure are told
-
-
-@dataclass(frozen=True)
-class Unnamed:
-    """Structure that no catalogued mechanism explains.
-
-    Attributes
-    ----------
-    along
-        What it varies with, in words; the id of a conjecture.
-    gain
-        Nats of log evidence.
-    size
-        Its amplitude (relative), or the conjecture's first parameter.
-    conjecture
-        A law that fits it, of physics beyond the catalogue.
-    single
-        Whether it is a few readings that stand alone: no function of anything.
-    """
-
-    along: str
-    gain: float
-    size: float
-    conjecture: Term | None = None
-    single: bool = False
-
-
-@dataclass
-class Conclusion:
-    """What the search came to.
-
-    Attributes
-    ----------
-    best
-        The accepted hypothesis (may be "nothing").
-    nothing, singles
-        What it was compared with; singles are sorted, best first.
-    unnamed
-        Unnamed structure that still gains beside the best, largest gain first.
-    instead
-        The same without any named mechanism, where there is one.
-    unnamed_alone
-        Best gain of an unnamed family without any named mechanism [nats]; see `rivals_of_names`.
-    law_alone
-        The same of a law that is not in the catalogue.
-    one_instrument
-        Whether only a meter or a camera was read, no goniometer.
-    nat
-        So many nats, times the root of what is gained, count as one.
-    considered
-        Further sets of names with their evidence, less what a name more has to bring.
-    shares
-        How probable a name is beside others, among all that could have been added to those.
-    contradicted, shown
-        Random effects that repeated readings speak against (and how), and those that they show by themselves.
-    """
-
-    best: Hypothesis
-    nothing: Hypothesis
-    singles: list[Hypothesis]
-    verdict: str = "no-mismatch"
-    probability: dict[str, float] = field(default_factory=dict)
-    alternatives: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
-    indistinguishable: list[tuple[str, str]] = field(default_factory=list)
-    unnamed: list[Unnamed] = field(default_factory=list)
-    instead: list[Unnamed] = field(default_factory=list)
-    unnamed_alone: float = 0.0
-    law_alone: float = -np.inf
-    one_instrument: bool = False
-    nat: float = TEMPER
-    seconds: list[Hypothesis] = field(default_factory=list)
-    considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
-    shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
-    trail: list[str] = field(default_factory=list)
-    contradicted: dict[str, str] = field(default_factory=dict)
-    shown: set[str] = field(default_factory=set)
-
-    @property
-    def imitation(self) -> float:
-        """How many times a name's gain a smooth function must gain to speak against it."""
-        return IMITATION_LENS if _of_another_lens(self.best) else IMITATION
-
-    def rivals_of_names(self, unnamed: list[Unnamed]) -> list[Unnamed]:
-        """What of unnamed structure speaks against a name, rather than to stand beside it.
-
-        Below a skylight not a few single readings: there an image of the sun lies elsewhere, and the law of the others
-        is what it was.
-        """
-        return [u for u in unnamed if self.one_instrument or not u.single]
-
-    @property
-    def unnamed_told(self) -> list[Unnamed]:
-        """The most promising of unnamed structure; first a law that does better than all names, with what it gains."""
-        gain = self.best.evidence - self.nothing.evidence
-        laws = [u for u in self.instead if u.conjecture is not None and u.gain > gain and self.verdict == "unexplained"]
-        return laws[:1] + [u for u in self.unnamed[:_TOLD] if u.along not in {law.along for law in laws[:1]}]
-
-    @property
-    def left_against(self) -> float:
-        """What is left of that beside the best [nats], at least 0."""
-        return max([0.0, *(u.gain for u in self.rivals_of_names(self.unnamed))])
-
-    @property
-    def sure(self) -> float:
-        """How probable a name must be to be claimed."""
-        return SURE if self.one_instrument else SURE_BELOW
-
-    @property
-    def sure_beside(self) -> float:
-        """What share a further name must have among all that could be added in its place."""
-        return SURE_BESIDE if self.one_instrument else SURE_BESIDE_BELOW
-
-    def temper(self, gain: float) -> float:
-        """How many nats count as one for the first name, beside what that gains."""
-        return temper(gain, self.nat)
 
 
 def decide(found: Conclusion, few: float) -> None:
@@ -165,7 +39,7 @@ def decide(found: Conclusion, few: float) -> None:
     told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed
     left = max((u.gain for u in told), default=0.0)
     gain = found.best.evidence - found.nothing.evidence
-    rough = _rougher(found, ROUGH if found.best.ids else ROUGH_ALONE)
+    rough = _rougher(found, ROUGH_ONE if found.one_instrument else ROUGH if found.best.ids else ROUGH_ALONE)
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough else "no-mismatch"
@@ -188,26 +62,19 @@ def decide(found: Conclusion, few: float) -> None:
 def _may_be_left(found: Conclusion, gain: float) -> float:
     """What unnamed structure may gain [nats] beside names whose forms are never quite right."""
     first = [t for t in found.best.fit.terms if t.mechanism.id == found.best.first]
-    share = LEFT_OF_LENS if any(_traced(t) for t in first) else LEFT_OF_STRONG
+    share = LEFT_OF_LENS if any(traced(t) for t in first) else LEFT_OF_STRONG
     return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 
 def _rougher(found: Conclusion, usual: Hyper) -> bool:
     """Whether what is left is larger or rougher than simulations, or second instruments, usually leave."""
     left = found.best.fit.hyper
-    if found.one_instrument:
-        return left.shape > ROUGH_ONE
     return left.shape > usual.shape or left.scatter > usual.scatter or left.lens > usual.lens
 
 
 def doubles(name: str) -> tuple[str, ...]:
     """Mechanisms that are one and the same number as a given one."""
     return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
-
-
-def temper(gain: float, nat: float = TEMPER) -> float:
-    """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root."""
-    return nat * float(np.sqrt(max(gain, 1.0)))
 
 
 def share_of(
@@ -248,21 +115,12 @@ def name_the_sure(found: Conclusion) -> bool:
 def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
     gain = max(h.evidence - nothing.evidence, 0.0)
-    if _of_another_lens(h):
+    if of_another_lens(h):
         return MISFIT_LENS * gain
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
-
-
-def _of_another_lens(h: Hypothesis) -> bool:
-    """Whether a change of the lens was traced: on the prediction's lens or one like it, never on the true one."""
-    return any(_traced(t) for t in h.fit.terms)
-
-
-def _traced(term: Term) -> bool:
-    return term.mechanism.like_a_lens and isinstance(term.branch.value, Path)
 
 
 def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:

@@ -7,11 +7,13 @@ import pytest
 from scipy.special import expit
 
 from analysis.explain.conclude import _wandering_beside, conclude
+from analysis.explain.conclusion import Conclusion, Unnamed, temper
 from analysis.explain.families import SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
-from analysis.explain.mechanisms.base import Branch, terms_of
+from analysis.explain.mechanisms.base import Branch, Term, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
@@ -26,12 +28,18 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import Conclusion, Unnamed, decide, name_the_sure, share_of, temper
+from analysis.explain.verdict import decide, name_the_sure, share_of
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
     terms = tuple(terms_of(BY_ID[name], scene)[0] for name in ids)
     return Hypothesis(Fit(terms, np.zeros(0), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain)
+
+
+def _law(scene: Scene, gain: float) -> Unnamed:
+    """A law outside the catalogue that gains so much in place of all names."""
+    (mechanism,) = [m for m in CONJECTURES if m.id == "arm-sag"]
+    return Unnamed("arm-sag", gain, 1.0, Term(mechanism, Branch(), mechanism.parameters))
 
 
 def _decided(
@@ -45,7 +53,8 @@ def _decided(
     """A conclusion that names the first single, with the evidence that each single gains."""
     found = [_hypothesis(scene, gain, name) for name, gain in singles]
     found[0].fit.hyper = hyper
-    conclusion = Conclusion(found[0], _hypothesis(scene, 0.0), found, law_alone=law_alone, considered=list(considered))
+    conclusion = Conclusion(found[0], _hypothesis(scene, 0.0), found, considered=list(considered))
+    conclusion.instead = [_law(scene, law_alone)]
     conclusion.unnamed = [Unnamed("gamma", left, 0.1)]
     decide(conclusion, 1.0)
     return conclusion
@@ -99,7 +108,7 @@ def test_no_name_is_sure_where_a_law_beyond_the_catalogue_does_better(arm: Scene
     found = _decided(arm, ("gamma-offset", 150.0), ("cosine-response", 54.0), law_alone=440.0)
     found.considered = [(("gamma-offset", "lens-orientation"), 266.0), (("gamma-offset", "cosine-response"), 250.0)]
     assert not name_the_sure(found)
-    found.law_alone = 100.0
+    found.instead = [_law(arm, 100.0)]
     assert name_the_sure(found)
 
 
@@ -282,7 +291,7 @@ def test_exposures_explain_a_camera_and_a_cloud_an_arm_only_if_repeats_show_it(p
 def test_a_change_of_the_lens_that_was_traced_takes_less_than_there_is(arm: Scene) -> None:
     """A smooth function of nobody's making holds all of it; a change that was traced on another lens does not."""
     found = _decided(arm, ("lens-orientation", 106.0))
-    found.unnamed_alone = 252.0
+    found.instead = [Unnamed("direction", 252.0, 0.1)]
     decide(found, 1.0)
     assert found.verdict == "unexplained"
     _on_another_lens(found)

@@ -1,0 +1,154 @@
+"""What the search came to: the names, their rivals, what is left beside them, and what bounds apply."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.explain.mechanisms.base import Term
+from analysis.explain.retrace import Path
+from analysis.explain.search import Hypothesis
+from analysis.explain.thresholds import (
+    IMITATION,
+    IMITATION_LENS,
+    SURE,
+    SURE_BELOW,
+    SURE_BESIDE,
+    SURE_BESIDE_BELOW,
+    TEMPER,
+)
+
+_TOLD = 4  # so many kinds of unnamed structure are told
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """Structure that no catalogued mechanism explains.
+
+    Attributes
+    ----------
+    along
+        What it varies with, in words; the id of a conjecture.
+    gain
+        Nats of log evidence.
+    size
+        Its amplitude (relative), or the conjecture's first parameter.
+    conjecture
+        A law that fits it, of physics beyond the catalogue.
+    single
+        Whether it is a few readings that stand alone: no function of anything.
+    """
+
+    along: str
+    gain: float
+    size: float
+    conjecture: Term | None = None
+    single: bool = False
+
+
+@dataclass
+class Conclusion:
+    """What the search came to.
+
+    Attributes
+    ----------
+    best
+        The accepted hypothesis (may be "nothing").
+    nothing, singles
+        What it was compared with; singles are sorted, best first.
+    unnamed
+        Unnamed structure that still gains beside the best, largest gain first.
+    instead
+        The same without any named mechanism, where there is one.
+    one_instrument
+        Whether only a meter or a camera was read, no goniometer.
+    nat
+        So many nats, times the root of what is gained, count as one.
+    considered
+        Further sets of names with their evidence, less what a name more has to bring.
+    shares
+        How probable a name is beside others, among all that could have been added to those.
+    contradicted, shown
+        Random effects that repeated readings speak against (and how), and those that they show by themselves.
+    """
+
+    best: Hypothesis
+    nothing: Hypothesis
+    singles: list[Hypothesis]
+    verdict: str = "no-mismatch"
+    probability: dict[str, float] = field(default_factory=dict)
+    alternatives: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
+    indistinguishable: list[tuple[str, str]] = field(default_factory=list)
+    unnamed: list[Unnamed] = field(default_factory=list)
+    instead: list[Unnamed] = field(default_factory=list)
+    one_instrument: bool = False
+    nat: float = TEMPER
+    seconds: list[Hypothesis] = field(default_factory=list)
+    considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
+    shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
+    trail: list[str] = field(default_factory=list)
+    contradicted: dict[str, str] = field(default_factory=dict)
+    shown: set[str] = field(default_factory=set)
+
+    @property
+    def imitation(self) -> float:
+        """How many times a name's gain a smooth function must gain to speak against it."""
+        return IMITATION_LENS if of_another_lens(self.best) else IMITATION
+
+    def rivals_of_names(self, unnamed: list[Unnamed]) -> list[Unnamed]:
+        """What of unnamed structure speaks against a name, rather than to stand beside it.
+
+        Below a skylight not a few single readings: there an image of the sun lies elsewhere, and the law of the others
+        is what it was.
+        """
+        return [u for u in unnamed if self.one_instrument or not u.single]
+
+    @property
+    def unnamed_alone(self) -> float:
+        """Best gain [nats] of a smooth function of nobody's making in place of all names; 0 where there is none."""
+        return max((u.gain for u in self.rivals_of_names(self.instead) if u.conjecture is None), default=0.0)
+
+    @property
+    def law_alone(self) -> float:
+        """The same of a law outside the catalogue; minus infinity where there is none."""
+        return max((u.gain for u in self.instead if u.conjecture is not None), default=-np.inf)
+
+    @property
+    def unnamed_told(self) -> list[Unnamed]:
+        """The most promising of unnamed structure; first a law that does better than all names, with what it gains."""
+        gain = self.best.evidence - self.nothing.evidence
+        laws = [u for u in self.instead if u.conjecture is not None and u.gain > gain and self.verdict == "unexplained"]
+        return laws[:1] + [u for u in self.unnamed[:_TOLD] if u.along not in {law.along for law in laws[:1]}]
+
+    @property
+    def left_against(self) -> float:
+        """What is left of that beside the best [nats], at least 0."""
+        return max([0.0, *(u.gain for u in self.rivals_of_names(self.unnamed))])
+
+    @property
+    def sure(self) -> float:
+        """How probable a name must be to be claimed."""
+        return SURE if self.one_instrument else SURE_BELOW
+
+    @property
+    def sure_beside(self) -> float:
+        """What share a further name must have among all that could be added in its place."""
+        return SURE_BESIDE if self.one_instrument else SURE_BESIDE_BELOW
+
+    def temper(self, gain: float) -> float:
+        """How many nats count as one for the first name, beside what that gains."""
+        return temper(gain, self.nat)
+
+
+def temper(gain: float, nat: float = TEMPER) -> float:
+    """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root."""
+    return nat * float(np.sqrt(max(gain, 1.0)))
+
+
+def of_another_lens(h: Hypothesis) -> bool:
+    """Whether a change of the lens was traced: on the prediction's lens or one like it, never on the true one."""
+    return any(traced(t) for t in h.fit.terms)
+
+
+def traced(term: Term) -> bool:
+    """Whether a term is a change of the lens that was simulated again."""
+    return term.mechanism.like_a_lens and isinstance(term.branch.value, Path)
