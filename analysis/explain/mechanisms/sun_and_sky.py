@@ -82,6 +82,10 @@ def beam_behind_disc(scene: Scene) -> Floats:
     return found
 
 
+_LEAST_WIDE_DEG = 2.0
+_SPREAD, _AGAIN = "spread", "again"
+
+
 class CircumsolarAureole(Mechanism):
     """Part of the beam comes from a wide aureole round the disc."""
 
@@ -92,21 +96,30 @@ class CircumsolarAureole(Mechanism):
     )
     parameters = (
         Parameter("fraction", "1", "share of the beam that comes from the aureole", 0.0, 1.0, 0.25, (0.1, 0.4)),
-        Parameter("width_deg", "deg", "rms half width of the aureole", 2.0, 14.0, 3.5, (4.0, 9.0), centre=6.0),
+        Parameter(
+            "width_deg", "deg", "rms half width of the aureole", _LEAST_WIDE_DEG, 14.0, 3.5, (4.0, 9.0), centre=6.0
+        ),
     )
     needs = "sun and sky parts apart"
     source = "S -> (1-k) S + k (S * Gaussian of the width); Blanc et al. 2014, Solar Energy 110 (circumsolar review)"
     tie_breaker = "a picture of the sun's surroundings through a small shading disc"
     form_error = 0.2
+    local_error = 0.3  # where a lens sends the light about the sun, it decides
     like_a_lens = True
+    modelled_twice = True
 
     def why_not(self, scene: Scene) -> str:
         """The aureole belongs to the sun part."""
         return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
 
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """The prediction's own images spread, or what our lens makes of the sun's surroundings."""
+        again = scene.retraced is not None and scene.retraced.aureole(_LEAST_WIDE_DEG) is not None
+        return (Branch("images spread", _SPREAD), *([Branch("simulated again", _AGAIN)] if again else []))
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Blur the sun part by the aureole: by re-simulation where there is one, else on the outgoing sphere."""
-        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced else None
+        """Blur the sun part by the aureole, on the outgoing sphere or by re-simulation."""
+        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced and branch.value == _AGAIN else None
         wide = blurred(light.sun, float(p[1])) if ratio is None else light.sun * ratio
         light.sun = light.sun + p[0] * (wide - light.sun)
 

@@ -82,7 +82,7 @@ ON_THE_ARM = [
     ("soiling", "every system, scattering", (0.12, 0.5), effects.scattering_dirt(0.12, 0.5), 0.003),
     ("soiling", "box, scattering", (0.2, 0.3), effects.only("box", effects.scattering_dirt(0.2, 0.3)), 0.003),
     ("soiling", "box, domed", (0.12,), effects.only("box", effects.domed(0.12)), 1e-6),
-    ("circumsolar-aureole", "", (0.4, 6.5), effects.aureole(0.4, 6.5), 0.04),
+    ("circumsolar-aureole", "images spread", (0.4, 6.5), effects.aureole(0.4, 6.5), 0.04),
     ("stray-light", "constant", (4.0,), effects.offset(4.0 * 2.6**2), 1e-6),
     ("stray-light", "following the daylight", (4.0,), effects.leak(4e5 / MEAN_LX), 1e-6),
     ("stray-light", "following the daylight, from one side", (4.0, 90.0), effects.gap(4e5 / MEAN_LX, 90.0), 1e-6),

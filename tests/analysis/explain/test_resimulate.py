@@ -204,14 +204,14 @@ def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
 def test_an_aureole_as_narrow_as_the_disc_changes_nothing(scene: Scene, simulated: OwnSimulation) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated, "aureole", lambda width_deg: np.ones_like(scene.fields.sun))
-        made = predict(scene, (term(scene, "circumsolar-aureole"),), np.array([0.6, 5.0]))
+        made = predict(scene, (term(scene, "circumsolar-aureole", "simulated again"),), np.array([0.6, 5.0]))
     assert made == pytest.approx(scene.readings.simulated, rel=1e-9)
 
 
 def test_an_aureole_is_a_share_of_the_suns_light_spread_as_it_was_traced(scene: Scene, made: Retracings) -> None:
     light = scene.dark_light()
     width = tracing.AUREOLES_DEG[0]
-    term(scene, "circumsolar-aureole").illuminate(scene, light, np.array([0.6, width]))
+    term(scene, "circumsolar-aureole", "simulated again").illuminate(scene, light, np.array([0.6, width]))
     assert light.sun == pytest.approx(scene.fields.sun * (0.4 + 0.6 * made.aureoles[1]))
     assert light.sky is scene.fields.sky
 
