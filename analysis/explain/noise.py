@@ -76,9 +76,22 @@ class Block:
 
     @cached_property
     def loud(self) -> Floats:
-        """Reading over scale: below 1 where the reading drowns in noise; shape (n,)."""
+        """Products of reading over scale, which is below 1 where a reading drowns in noise; shape (n, n)."""
         r = self.readings
-        return np.abs(r.measured[self.rows]) / r.scale[self.rows]
+        loud = np.abs(r.measured[self.rows]) / r.scale[self.rows]
+        return np.asarray(loud[:, None] * loud[None, :])
+
+    @cached_property
+    def shapes(self) -> Floats:
+        """Covariance of the usual smooth discrepancy; shape (n, n)."""
+        usual = USUAL[self.kind]
+        return (usual.shape**2 + usual.shape_of_test**2 * self.same_test) * self.near * self.loud
+
+    @cached_property
+    def levels(self) -> Floats:
+        """Covariance of the usual gains of tests and the level of all; shape (n, n)."""
+        usual = USUAL[self.kind]
+        return (usual.level**2 + usual.gain**2 * self.same_test) * self.loud
 
 
 def blocks_of(readings: Readings) -> tuple[Block, ...]:
@@ -130,12 +143,10 @@ class Nuisance:
 
     def matrix(self, block: Block, hyper: Hyper) -> Floats:
         """Covariance (n, n) of one block."""
-        usual = USUAL[block.kind]
-        r = self.readings
-        shared = (hyper.shape * usual.shape) ** 2 * block.near + usual.level**2
-        gain = usual.gain**2 + (hyper.scatter * usual.restless) ** 2
-        own = ((hyper.shape * usual.shape_of_test) ** 2 * block.near + gain) * block.same_test
-        c = (shared + own) * (block.loud[:, None] * block.loud[None, :])
+        usual, r = USUAL[block.kind], self.readings
+        c = hyper.shape**2 * block.shapes + block.levels
+        if usual.restless:
+            c += (hyper.scatter * usual.restless) ** 2 * block.same_test * block.loud
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2 + self._alone[block.rows] ** 2
         scatter = usual.scatter**2 + self._jitter[block.rows] ** 2
         c[np.diag_indices_from(c)] += noise + hyper.scatter**2 * scatter + 1e-8
