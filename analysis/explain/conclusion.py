@@ -145,10 +145,16 @@ def temper(gain: float, nat: float = TEMPER) -> float:
 
 
 def of_another_lens(h: Hypothesis) -> bool:
-    """Whether a change of the lens was traced: on the prediction's lens or one like it, never on the true one."""
+    """Whether a change of the lens was traced on a lens that is only like the prediction's."""
     return any(traced(t) for t in h.fit.terms)
 
 
 def traced(term: Term) -> bool:
-    """Whether a term is a change of the lens that was simulated again."""
-    return term.mechanism.like_a_lens and isinstance(term.branch.value, Path)
+    """Whether a term is a change of the lens that we simulated again; what the case brings is of its own lens."""
+    path = term.branch.value
+    return term.mechanism.like_a_lens and isinstance(path, Path) and not path.of_case
+
+
+def of_the_case(term: Term) -> bool:
+    """Whether the case brings the change that a term makes."""
+    return isinstance(term.branch.value, Path) and term.branch.value.of_case

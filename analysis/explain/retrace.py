@@ -27,6 +27,8 @@ class Path:
         Settings, increasing; the baseline's is one of them.
     sun, sky : shape (K, T, P, G)
         Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
+    of_case
+        Whether the case brings it: its lens is the prediction's own, not one that is like it.
     """
 
     label: str
@@ -36,6 +38,7 @@ class Path:
     sky: Floats
     geometric: bool = False
     added: bool = False
+    of_case: bool = False
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:
         """Fields (T, P, G) of both parts at setting ``at`` (extrapolated beyond the ends)."""
@@ -159,16 +162,16 @@ def _paths(
         rows = sorted([(origin, one, one), *numbered], key=lambda row: row[0])
         at = np.array([row[0] for row in rows])
         parameter = _parameter(key, at, origin)
-        yield Path(
-            f"case's variants of {key}", parameter, at, _stack(rows, 1), _stack(rows, 2), key == "wall_reflectance"
-        )
+        label, geometric = f"case's variants of {key}", key == "wall_reflectance"
+        yield Path(label, parameter, at, _stack(rows, 1), _stack(rows, 2), geometric, of_case=True)
         return
     for (value, sun, sky), (_, variant) in zip(ratios, members, strict=True):
         label = key if value is None else f"{key} = {value:g}"
         weight = Parameter(
             "weight", "1", f"share of the change to {label} that is seen", 0.0, 1.5, 0.2, (1.0,), centre=1.0
         )
-        yield Path(f"case's variant {label}", weight, np.array([0.0, 1.0]), np.stack([one, sun]), np.stack([one, sky]))
+        parts = np.stack([one, sun]), np.stack([one, sky])
+        yield Path(f"case's variant {label}", weight, np.array([0.0, 1.0]), *parts, of_case=True)
         del variant
 
 
@@ -186,7 +189,7 @@ def _turns(key: str, one: Floats, numbered: list[tuple[float, Floats, Floats]]) 
         width = max(0.15 * far, far - near)
         turn = Parameter(key, "deg", what, low, high, width, tuple(turns.tolist()), centre=float(turns.mean()))
         label = f"case's variants of {key}, {'counter-' if side > 0 else ''}clockwise"
-        yield Path(label, turn, at, _stack(rows, 1), _stack(rows, 2))
+        yield Path(label, turn, at, _stack(rows, 1), _stack(rows, 2), of_case=True)
 
 
 def _stack(rows: list[tuple[float, Floats, Floats]], which: int) -> Floats:

@@ -5,7 +5,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import Branch, Stage
-from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
+from analysis.explain.mechanisms.retraced import NO_VARIANT, OF_CASE, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
@@ -148,7 +148,9 @@ class LensOrientation(Retraced):
         return (*super().branches(scene), *image, *whole)
 
     def local_error_in(self, scene: Scene, branch: Branch) -> float:
-        """Another lens sends its images elsewhere than the one that was traced."""
+        """Another lens sends its images elsewhere than the one that was traced; the case's own hardly does."""
+        if isinstance(branch.value, Path) and branch.value.of_case:
+            return OF_CASE
         moves_images = isinstance(branch.value, Path) or branch.value.startswith("all:")
         return _OTHER_LENS if moves_images and np.any(scene.is_gonio) else 0.0
 
