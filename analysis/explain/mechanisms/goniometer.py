@@ -59,9 +59,13 @@ class NearField(Mechanism):
         return "" if known else "goniometer distance and the systems' apertures are not all given"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """By re-simulation where there is one, and in closed form from the predicted far field itself."""
+        """By re-simulation where there is one, in closed form from the predicted far field itself, and halfway.
+
+        Each errs in its own way: the mean is nearer to another lens than either.
+        """
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
-        return (Branch("traced"), Branch("closed form")) if retraced else (Branch("closed form"),)
+        ways = {"closed form": 0.0} | ({"traced": 1.0, "halfway": 0.5} if retraced else {})
+        return tuple(Branch(label, share) for label, share in ways.items())
 
     def displaces_deg(self, scene: Scene) -> float:
         """The aperture's half width as the sensors see it."""
@@ -72,18 +76,19 @@ class NearField(Mechanism):
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move both parts from far towards near."""
+        traced = float(branch.value)
+        sun, sky = np.zeros_like(light.sun), np.zeros_like(light.sky)
+        if traced < 1.0:
+            sun, sky = ((1.0 - traced) * self._from_far(scene, part) for part in (light.sun, light.sky))
+        if traced > 0.0 and scene.retraced is not None and (near := scene.retraced.near_field()) is not None:
+            sun, sky = sun + traced * near[0] * light.sun, sky + traced * near[1] * light.sky
+        light.sun, light.sky = light.sun + p[0] * (sun - light.sun), light.sky + p[0] * (sky - light.sky)
+
+    @staticmethod
+    def _from_far(scene: Scene, field: Floats) -> Floats:
+        """What sensors at the arm's distance make of a far field (T, P, G) [cd]."""
         assert scene.goniometer is not None
-        if (
-            branch.label == "traced"
-            and scene.retraced is not None
-            and (near := scene.retraced.near_field()) is not None
-        ):
-            sun, sky = near
-            light.sun = light.sun + p[0] * (sun - 1.0) * light.sun
-            light.sky = light.sky + p[0] * (sky - 1.0) * light.sky
-            return
-        case = scene.readings.case
-        new_sun, new_sky = light.sun.copy(), light.sky.copy()
+        case, made = scene.readings.case, field.copy()
         for k in np.unique(scene.readings.system):
             rows = np.flatnonzero(scene.readings.system == k)
             system = case.system_of(case.tests[rows[0]])
@@ -92,9 +97,8 @@ class NearField(Mechanism):
             a = system.aperture
             size = a.size_m if a.shape == "rectangle" else (a.diameter_m,)
             matrix = _near_matrix(a.shape, tuple(float(x) for x in size or () if x), scene.goniometer.distance_m)
-            for old, new in ((light.sun, new_sun), (light.sky, new_sky)):
-                new[rows] += p[0] * (apply_operator(matrix, old[rows]) - old[rows])
-        light.sun, light.sky = new_sun, new_sky
+            made[rows] = apply_operator(matrix, field[rows])
+        return made
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say it."""
