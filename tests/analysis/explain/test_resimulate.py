@@ -216,6 +216,17 @@ def test_an_aureole_is_a_share_of_the_suns_light_spread_as_it_was_traced(scene: 
     assert light.sky is scene.fields.sky
 
 
+def test_a_near_field_halfway_is_the_mean_of_both_ways(scene: Scene) -> None:
+    lights = {}
+    for way in ("closed form", "traced", "halfway"):
+        lights[way] = scene.dark_light()
+        term(scene, "near-field", way).illuminate(scene, lights[way], np.array([1.0]))
+    for part in ("sun", "sky"):
+        ends = [getattr(lights[way], part) for way in ("closed form", "traced")]
+        assert np.max(np.abs(ends[0] - ends[1])) > 0.0
+        assert getattr(lights["halfway"], part) == pytest.approx((ends[0] + ends[1]) / 2.0)
+
+
 @pytest.mark.parametrize(
     ("mechanism", "label", "at"),
     [("wall-reflectance", "tube", 0.9), ("wall-scatter", "diffuse share", 0.15), ("clock-offset", "", 15.0)],

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import expit
 
 from analysis.explain.conclude import _wandering_beside, conclude
-from analysis.explain.conclusion import Conclusion, Unnamed, temper
+from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
@@ -21,6 +21,8 @@ from analysis.explain.thresholds import (
     AHEAD,
     HOLDS_LAWS,
     LIKELIER,
+    MISFIT_LENS,
+    MISFIT_OF_CASE,
     RELIABLE,
     SURE,
     SURE_ALONE,
@@ -28,7 +30,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, name_the_sure, share_of
+from analysis.explain.verdict import decide, misfit, name_the_sure, share_of
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
@@ -60,11 +62,11 @@ def _decided(
     return conclusion
 
 
-def _on_another_lens(found: Conclusion) -> None:
-    """Let what is named have been traced."""
+def _on_another_lens(found: Conclusion, *, of_case: bool = False) -> None:
+    """Let what is named have been traced, or come with the case."""
     (way,) = found.best.fit.terms
     one = np.ones((2, 1, 1, 1))
-    turned = Path("own re-simulation", way.parameters[0], np.array([0.0, 30.0]), one, one)
+    turned = Path("own re-simulation", way.parameters[0], np.array([0.0, 30.0]), one, one, of_case=of_case)
     found.best.fit.terms = (replace(way, branch=Branch("own re-simulation", turned)),)
 
 
@@ -308,6 +310,18 @@ def test_a_change_of_the_lens_that_was_traced_leaves_more(arm: Scene) -> None:
     found.unnamed = [Unnamed("gamma", 500.0, 0.1)]
     decide(found, 1.0)
     assert found.verdict == "partly-explained"
+
+
+def test_a_change_that_the_case_brings_leaves_little_for_others(arm: Scene) -> None:
+    """Its lens is the prediction's own: what is left beside it is not the change's fault."""
+    left = []
+    for of_case in (False, True):
+        found = _decided(arm, ("lens-orientation", 1000.0))
+        _on_another_lens(found, of_case=of_case)
+        assert of_another_lens(found.best) is not of_case
+        left.append(misfit(found.best, found.nothing))
+    assert left == [pytest.approx(MISFIT_LENS * 1000.0), pytest.approx(MISFIT_OF_CASE * 1000.0)]
+    assert MISFIT_OF_CASE < MISFIT_LENS
 
 
 def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
