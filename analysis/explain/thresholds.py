@@ -105,7 +105,7 @@ RELIABLE = 0.95
 DOUBLES = (frozenset({"dark-offset", "stray-light"}),)
 """Mechanisms that are one and the same number on an arm of one radius: both are told, whichever is named."""
 ALIKE = 6.0
-"""Doubles whose evidence differs by more than this [nats] are not doubles in this case."""
+"""Doubles whose evidence differs by more than this [nats], and by more than counts as one, are none in this case."""
 TEMPER = 2.5
 """This many nats, times the root of what is gained, count as one when evidence becomes probability: forms are never
 quite right. Fitted to which names were right."""

@@ -125,9 +125,11 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
 
-def _doubles_here(name: str, alone: dict[str, float]) -> list[str]:
+def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list[str]:
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
-    return [d for d in doubles(name) if d in alone and abs(alone[d] - alone.get(name, 0.0)) < ALIKE]
+    gain = alone.get(name, 0.0)
+    near = max(ALIKE, found.temper(gain))
+    return [d for d in doubles(name) if d in alone and abs(alone[d] - gain) < near]
 
 
 def _share(found: Conclusion, name: str) -> float:
@@ -149,8 +151,8 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     among the sets) with all that is named; and sets with the best set that holds the first name.
     """
     ids, alone = found.best.ids, _alone(found)
-    alike = {*ids, *(d for m in ids for d in _doubles_here(m, alone))}
-    first = {found.best.first, *_doubles_here(found.best.first, alone)}
+    alike = {*ids, *(d for m in ids for d in _doubles_here(found, m, alone))}
+    first = {found.best.first, *_doubles_here(found, found.best.first, alone)}
     rivals: dict[tuple[str, ...], float] = {}
     random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
@@ -192,5 +194,6 @@ def _probabilities(found: Conclusion) -> None:
     if ids:
         near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < found.sure]
         first = found.best.first
-        found.indistinguishable += [(first, other) for other in (*_doubles_here(first, alone), *near) if other in alone]
+        alike = (*_doubles_here(found, first, alone), *near)
+        found.indistinguishable += [(first, other) for other in alike if other in alone]
         found.indistinguishable += found.best.tied

@@ -56,7 +56,7 @@ class RoomInterreflection(Mechanism):
         )
 
 
-_FROM_ONE_SIDE = "following the daylight, from one side"
+_FROM_ONE_SIDE = ", from one side"
 
 
 class StrayLight(Mechanism):
@@ -79,7 +79,7 @@ class StrayLight(Mechanism):
     side = Parameter(
         "from_c_deg",
         "deg",
-        "C where a leak is strongest",
+        "C where the light is strongest",
         -180.0,
         540.0,
         105.0,
@@ -87,10 +87,13 @@ class StrayLight(Mechanism):
         centre=180.0,
         direction=True,
     )
+    share = Parameter(
+        "one_sided", "1", "share of the light that comes from that side", 0.0, 1.0, 0.5, (0.6,), centre=0.5
+    )
     needs = "goniometer (its distance)"
     source = (
-        "I_add = d² E_stray, constant or proportional to the global illuminance; through a door, to first order "
-        "E_stray (1 + sin(gamma) cos(C - C_door))"
+        "I_add = d² E_stray, constant or proportional to the global illuminance; a share s of it from one side, a lamp "
+        "or a door, to first order E_stray (1 + s sin(gamma) cos(C - C_side))"
     )
     tie_breaker = "a scan with the skylight covered"
 
@@ -99,36 +102,33 @@ class StrayLight(Mechanism):
         return "" if scene.goniometer else "the case does not describe the goniometer"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Constant, or (with global illuminances) following the daylight."""
+        """Constant, or (with global illuminances) following the daylight; evenly, or from one side."""
         outside = scene.readings.global_lx
-        if not np.all(np.isfinite(outside)):
-            return (Branch("constant"),)
-        facts = {"mean_global_lx": float(outside.mean())}
-        leaks = ("following the daylight", _FROM_ONE_SIDE)
-        return (Branch("constant"), *(Branch(label, facts=facts) for label in leaks))
+        known = bool(np.all(np.isfinite(outside)))
+        facts = {"mean_global_lx": float(outside.mean())} if known else {}
+        ways: dict[str, dict[str, float]] = {"constant": {}} | ({"following the daylight": facts} if known else {})
+        return tuple(
+            Branch(label + where, where, facts) for label, facts in ways.items() for where in ("", _FROM_ONE_SIDE)
+        )
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """A leak on one side has a direction."""
-        return (*self.parameters, self.side) if branch.label == _FROM_ONE_SIDE else self.parameters
+        """A light on one side has a direction."""
+        return (*self.parameters, self.side, self.share) if branch.value else self.parameters
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the stray light to the goniometer's rows."""
         assert scene.goniometer is not None
         added = np.full(len(values), scene.goniometer.distance_m**2 * p[0])
-        if branch.label != "constant":
+        if branch.facts:
             outside = scene.readings.global_lx / branch.facts["mean_global_lx"]
             added = added * outside[scene.readings.test]
-        if branch.label == _FROM_ONE_SIDE:
+        if branch.value:
             gamma, c = np.radians(scene.readings.gamma_deg), np.radians(scene.readings.c_deg - p[1])
-            added = added * (1.0 + np.sin(gamma) * np.cos(c))
+            added = added * (1.0 + p[2] * np.sin(gamma) * np.cos(c))
         return values + np.where(scene.is_gonio, added, 0.0)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
-        kind = (
-            "a constant"
-            if branch.label == "constant"
-            else "a leak, proportional to the daylight outside, of on average"
-        )
-        side = f", strongest at C {p[1] % 360.0:.0f}°" if branch.label == _FROM_ONE_SIDE else ""
+        kind = "a leak, proportional to the daylight outside, of on average" if branch.facts else "a constant"
+        side = f", strongest at C {p[1] % 360.0:.0f}°" if branch.value else ""
         return f"A light that is not the skylight's reaches the sensors: {kind} {p[0]:.2f} lx{side}."

@@ -255,16 +255,26 @@ def leak(lux_per_100_klx: float) -> Truth:
     return lambda rows: light(rows) + DISTANCE_M**2 * lux_per_100_klx * rows.of_test(lambda t: t.global_lx) / 1e5
 
 
+def lamp(lux: float, c_deg: float, share: float) -> Truth:
+    """A light that is always on; a share of it comes from one side."""
+    return lambda rows: light(rows) + DISTANCE_M**2 * lux * (1.0 + share * _towards(rows, c_deg))
+
+
 def gap(lux_per_100_klx: float, c_deg: float) -> Truth:
     """Daylight through a gap on one side: twice as much on a horizontal arm towards it, none on one away from it."""
 
     def truth(rows: Rows) -> Floats:
-        outwards = np.stack([np.cos(np.radians(rows.c_deg)), np.sin(np.radians(rows.c_deg))], axis=1)
-        towards = outwards @ np.array([np.cos(np.radians(c_deg)), np.sin(np.radians(c_deg))])
         added = DISTANCE_M**2 * lux_per_100_klx * rows.of_test(lambda t: t.global_lx) / 1e5
-        return light(rows) + added * (1.0 + towards * np.sin(np.radians(rows.gamma_deg)))
+        return light(rows) + added * (1.0 + _towards(rows, c_deg))
 
     return truth
+
+
+def _towards(rows: Rows, c_deg: float) -> Floats:
+    """How far the arm points to one side: 1 where it is level towards it, -1 away from it."""
+    outwards = np.stack([np.cos(np.radians(rows.c_deg)), np.sin(np.radians(rows.c_deg))], axis=1)
+    towards = outwards @ np.array([np.cos(np.radians(c_deg)), np.sin(np.radians(c_deg))])
+    return np.asarray(towards * np.sin(np.radians(rows.gamma_deg)))
 
 
 def room(wall: float, floor: float) -> Truth:

@@ -85,7 +85,8 @@ ON_THE_ARM = [
     ("circumsolar-aureole", "images spread", (0.4, 6.5), effects.aureole(0.4, 6.5), 0.04),
     ("stray-light", "constant", (4.0,), effects.offset(4.0 * 2.6**2), 1e-6),
     ("stray-light", "following the daylight", (4.0,), effects.leak(4e5 / MEAN_LX), 1e-6),
-    ("stray-light", "following the daylight, from one side", (4.0, 90.0), effects.gap(4e5 / MEAN_LX, 90.0), 1e-6),
+    ("stray-light", "constant, from one side", (4.0, 200.0, 0.4), effects.lamp(4.0, 200.0, 0.4), 1e-6),
+    ("stray-light", "following the daylight, from one side", (4.0, 90.0, 1.0), effects.gap(4e5 / MEAN_LX, 90.0), 1e-6),
     ("room-interreflection", "", (0.08, 0.03), effects.room(0.08, 0.03), 0.006),
     ("room-interreflection", "", (0.3, 0.2), effects.room(0.3, 0.2), 0.05),
 ]
