@@ -43,6 +43,8 @@ def conclude(search: Search) -> Conclusion:
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
+    if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
+        found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
     few = _few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
     if not found.one_instrument:
@@ -180,7 +182,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
     needed += HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0) if random else 0.0
     (new,) = set(best.ids) - set(base.ids)
-    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat)
+    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None

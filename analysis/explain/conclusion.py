@@ -63,6 +63,8 @@ class Conclusion:
         Whether only a meter or a camera was read, no goniometer.
     nat
         So many nats, times the root of what is gained, count as one.
+    unseen
+        Mechanisms of instruments that the case holds no reading of; laws of those are less likely (`LIKELIER`).
     considered
         Further sets of names with their evidence, less what a name more has to bring.
     shares
@@ -82,6 +84,7 @@ class Conclusion:
     instead: list[Unnamed] = field(default_factory=list)
     one_instrument: bool = False
     nat: float = TEMPER
+    unseen: frozenset[str] = frozenset()
     seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)

@@ -79,12 +79,22 @@ def doubles(name: str) -> tuple[str, ...]:
 
 
 def share_of(
-    best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float, nat: float = TEMPER
+    best: Hypothesis,
+    base: Hypothesis,
+    candidates: list[Hypothesis],
+    gain: float,
+    nat: float = TEMPER,
+    unseen: frozenset[str] = frozenset(),
 ) -> float:
-    """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate."""
+    """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate.
+
+    Those that are ``unseen`` (`Conclusion.unseen`) are less likely.
+    """
     (new,) = set(best.ids) - set(base.ids)
-    others = [h.evidence for h in candidates if not (set(h.ids) - set(base.ids)) & {new, *doubles(new)}]
-    return float(expit((best.evidence - max(others, default=base.evidence)) / temper(gain, nat)))
+    nats = temper(gain, nat)
+    added = [(set(h.ids) - set(base.ids), h.evidence) for h in candidates]
+    others = [e - LIKELIER * nats * bool(ids & unseen) for ids, e in added if not ids & {new, *doubles(new)}]
+    return float(expit((best.evidence - max(others, default=base.evidence)) / nats))
 
 
 def name_the_sure(found: Conclusion) -> bool:
@@ -148,7 +158,8 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     """Log odds against the first name, of all that does without it.
 
     Singles are compared with the best single named; those that a further name was sought beside (what came of that is
-    among the sets) with all that is named; and sets with the best set that holds the first name.
+    among the sets) with all that is named; and sets with the best set that holds the first name. Instruments that the
+    case holds no reading of are less likely.
     """
     ids, alone = found.best.ids, _alone(found)
     alike = {*ids, *(d for m in ids for d in _doubles_here(found, m, alone))}
@@ -158,10 +169,13 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
-    rivals |= {(m,): (gain - (whole if m in bases else top)) / units[m] for m, gain in alone.items() if m not in alike}
+    for m, gain in alone.items():
+        if m not in alike:
+            rivals[m,] = (gain - (whole if m in bases else top)) / units[m]
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
-    return rivals | {key: (evidence - best) / nats for key, evidence in sets}
+    rivals |= {key: (evidence - best) / nats for key, evidence in sets}
+    return {key: odds - LIKELIER * bool(found.unseen & set(key)) for key, odds in rivals.items()}
 
 
 def _takes_the_rest(found: Conclusion) -> bool:

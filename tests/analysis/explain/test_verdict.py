@@ -51,11 +51,13 @@ def _decided(
     law_alone: float = -np.inf,
     considered: tuple[tuple[tuple[str, ...], float], ...] = (),
     hyper: Hyper = MIDDLE,
+    unseen: tuple[str, ...] = (),
 ) -> Conclusion:
     """A conclusion that names the first single, with the evidence that each single gains."""
     found = [_hypothesis(scene, gain, name) for name, gain in singles]
     found[0].fit.hyper = hyper
     conclusion = Conclusion(found[0], _hypothesis(scene, 0.0), found, considered=list(considered))
+    conclusion.unseen = frozenset(unseen)
     conclusion.instead = [_law(scene, law_alone)]
     conclusion.unnamed = [Unnamed("gamma", left, 0.1)]
     decide(conclusion, 1.0)
@@ -91,6 +93,16 @@ def test_doubles_that_do_not_do_alike_are_rivals(arm: Scene) -> None:
     found = _decided(arm, ("stray-light", 200.0), ("dark-offset", 90.0))
     assert found.indistinguishable == []
     assert found.probability["stray-light"] < _decided(arm, ("stray-light", 200.0)).probability["stray-light"]
+
+
+def test_a_meter_that_no_reading_shows_is_a_weaker_rival(arm: Scene) -> None:
+    """Where there is no reading on the roof, its meters act on the arm by the split of sun and sky alone."""
+    singles = ("sky-sun-ratio", 300.0), ("meter-gain", 270.0), ("c-offset", 10.0)
+    seen, unseen = _decided(arm, *singles), _decided(arm, *singles, unseen=("meter-gain",))
+    assert unseen.probability["sky-sun-ratio"] == pytest.approx(
+        RELIABLE * float(expit(30.0 / temper(300.0) + LIKELIER)), abs=1e-6
+    )
+    assert seen.probability["sky-sun-ratio"] < unseen.probability["sky-sun-ratio"]
 
 
 def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
