@@ -1,8 +1,18 @@
 """The well: what its walls reflect, how they scatter, and how long a simulation followed the light between them."""
 
-from analysis.explain.mechanisms.base import Stage
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
+from analysis.explain.retrace import Path
+from analysis.explain.scene import Scene
+
+_MOST: Final = 50.0
+"""Beyond this the sun's light was none there, and a ratio to it tells nothing."""
 
 
 class WallReflectance(Retraced):
@@ -46,5 +56,31 @@ class WallScatter(Retraced):
     leaves_out = "The specular wall scatters part of the light."
     parameters = (Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.1,)),)
     needs = "a variant, or the systems' description"
-    source = "re-simulation; report chapters 6 and 8 (foam core, tube wall)"
+    source = (
+        "re-simulation; halfway to (1-f) S + f (B/D) K, light that goes on as the sky's does; report chapters 6 and 8 "
+        "(foam core, tube wall)"
+    )
     tie_breaker = "a scatter measurement of the wall"
+    modelled_twice = True
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """As simulated again; of diffuse shares also the mean of that and of light that goes on as the sky's does.
+
+        Each errs in its own way, one by our lens, the other by its simplicity: another lens is nearer to their mean.
+        """
+        ways = super().branches(scene)
+        traced = [b.value for b in ways if b.value.parameter.name == self.parameters[0].name and not b.value.of_case]
+        halves = (_halfway_to_sky(scene, path) for path in traced) if scene.knows_split else ()
+        return (*ways, *(Branch(path.label, path) for path in halves))
+
+
+def _halfway_to_sky(scene: Scene, path: Path) -> Path:
+    """The mean of a path of diffuse shares and of that share of the beam's light as the predicted sky part."""
+    fields, diffuse = scene.fields, np.maximum(scene.readings.diffuse_lx, 1e-9)
+    like_sky = (scene.beam_lx / diffuse)[:, None, None] * fields.sky
+    over_sun = np.clip(np.divide(like_sky, fields.sun, out=np.ones_like(like_sky), where=fields.sun > 0.0), 0.0, _MOST)
+    scattered = np.any(path.sun[-1] != 1.0, axis=(1, 2), keepdims=True)  # a system with such walls
+    share = path.positions[:, None, None, None]
+    sun = np.where(scattered, 0.5 * (path.sun + 1.0 + share * (over_sun - 1.0)), path.sun)
+    sky = np.where(scattered, 0.5 * (path.sky + 1.0), path.sky)
+    return replace(path, label=f"halfway to light from the sky: {path.label}", sun=sun, sky=sky)

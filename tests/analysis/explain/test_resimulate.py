@@ -227,6 +227,23 @@ def test_a_near_field_halfway_is_the_mean_of_both_ways(scene: Scene) -> None:
         assert getattr(lights["halfway"], part) == pytest.approx((ends[0] + ends[1]) / 2.0)
 
 
+def test_walls_that_scatter_halfway_are_the_mean_of_the_traced_and_of_light_from_the_sky(
+    scene: Scene, made: Retracings
+) -> None:
+    traced = next(p for p in made.paths["wall-scatter"] if p.parameter.name == "scatter")
+    lights = {}
+    for way in (traced.label, f"halfway to light from the sky: {traced.label}"):
+        lights[way] = scene.dark_light()
+        term(scene, "wall-scatter", way).illuminate(scene, lights[way], np.array([0.1]))
+    before, (again, halfway) = scene.fields.sun, (light.sun for light in lights.values())
+    simple = 2.0 * halfway - again  # the other end of the mean
+    per_lux = scene.beam_lx / scene.readings.diffuse_lx
+    smooth = 0.9 * before + 0.1 * per_lux[:, None, None] * scene.fields.sky
+    seen = (before > 0.0) & (smooth < 5.0 * before) & np.any(again != before, axis=(1, 2), keepdims=True)
+    assert np.any(seen)
+    assert simple[seen] == pytest.approx(smooth[seen])
+
+
 @pytest.mark.parametrize(
     ("mechanism", "label", "at"),
     [("wall-reflectance", "tube", 0.9), ("wall-scatter", "diffuse share", 0.15), ("clock-offset", "", 15.0)],
