@@ -162,10 +162,10 @@ def _keys(u: Floats) -> Floats:
     """Weights of four equidistant values for a place ``u`` (N,) between the second and the third; (4, N)."""
     return 0.5 * np.stack(
         [
-            -u + 2.0 * u**2 - u**3,
-            2.0 - 5.0 * u**2 + 3.0 * u**3,
-            u + 4.0 * u**2 - 3.0 * u**3,
-            -(u**2) + u**3,
+            u * (u * (2.0 - u) - 1.0),
+            2.0 + u * u * (3.0 * u - 5.0),
+            u * (1.0 + u * (4.0 - 3.0 * u)),
+            u * u * (u - 1.0),
         ]
     )
 

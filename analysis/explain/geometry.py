@@ -41,8 +41,8 @@ def blurred(field: Floats, sigma_deg: float) -> Floats:
     k = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
     w = (x - at[k]) / (at[k + 1] - at[k])
     flat = field.reshape(len(field), -1).T
-    low, high = _blur_matrix(float(at[k])) @ flat, _blur_matrix(float(at[k + 1])) @ flat
-    return np.asarray(((1 - w) * low + w * high).T.reshape(field.shape))
+    made = sum(share * (_blur_matrix(float(at[n])) @ flat) for n, share in ((k, 1 - w), (k + 1, w)) if share)
+    return np.asarray(made).T.reshape(field.shape)
 
 
 def turned(field: Floats, axes: Floats, degrees: Floats) -> Floats:
