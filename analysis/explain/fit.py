@@ -35,6 +35,7 @@ class Extra:
 MIDDLE = Hyper(2.0, 1.2, 1.0)
 """Sizes at which starting points are compared, and fits begin."""
 _KEPT = 48  # factored covariances; of two thousand readings each takes some 30 MB
+_WHITENERS = 200  # of half a megabyte each
 _STEPS = 12
 _SMALL = 1e-3  # of a standard deviation: a step below it ends the fit
 
@@ -106,6 +107,7 @@ class Fitter:
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}
         self._solved: dict[tuple[tuple[float, float], int], tuple[Floats, Solved]] = {}
+        self._whiteners: dict[tuple[object, ...], Whitener] = {}  # with their effects, so that ids stay theirs
 
     def whitener(self, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> Whitener:
         """The covariance at some sizes, with extra random effects."""
@@ -113,14 +115,21 @@ class Fitter:
         self._factored[hyper.base] = factored  # the latest last
         while len(self._factored) > _KEPT:
             del self._factored[next(iter(self._factored))]
-        return factored.whitener(
-            hyper.lens, tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
-        )
+        parts = tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
+        key = (hyper, *((id(solved), amplitude) for solved, amplitude in parts))
+        made = self._whiteners.pop(key, None)
+        if made is None or made.blocks is not factored.blocks:
+            made = factored.whitener(hyper.lens, parts)
+        self._whiteners[key] = made
+        while len(self._whiteners) > _WHITENERS:
+            del self._whiteners[next(iter(self._whiteners))]
+        return made
 
     def forget(self) -> None:
         """Drop the factored covariances, some gigabytes where there are thousands of readings; they are made again."""
         self._factored.clear()
         self._solved.clear()
+        self._whiteners.clear()
 
     def _solve(self, hyper: Hyper, factored: Factored, columns: Floats) -> Solved:
         """Solve an effect's columns once per factoring (they are tried at many amplitudes)."""

@@ -85,6 +85,11 @@ def _while_the_sun_moves(scene: Scene, shapes: dict[str, Floats]) -> list[Floats
 
 def _shapes(scene: Scene) -> dict[str, Floats]:
     """Change of each row's prediction [cd] per unit of each kind of error; shape (N,) each."""
+    return dict(zip(SIZES, scene.remember_rows(_changes), strict=False))
+
+
+def _changes(scene: Scene) -> Floats:
+    """The same in the order of `SIZES`, the last where images are known; shape (K, N)."""
     r, sun = scene.readings, scene.fields.sun
     at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
     here = at(sun)
@@ -102,11 +107,15 @@ def _shapes(scene: Scene) -> dict[str, Floats]:
     if scene.knows_image:
         one = np.ones(len(sun))
         shapes["twist"] = at(turned(sun, scene.sun_vectors, one) - turned(sun, scene.sun_vectors, -one)) / 2.0
-    return shapes
+    return np.stack([shapes[name] for name in SIZES if name in shapes])
 
 
 def steepness(scene: Scene) -> Floats:
     """Change of each row's prediction per degree, on the stretched scale; shape (N,), zero but for goniometer rows."""
+    return scene.remember_rows(_steepness)
+
+
+def _steepness(scene: Scene) -> Floats:
     r, total = scene.readings, scene.fields.total
     if not np.any(scene.is_gonio):
         return np.zeros(len(r))

@@ -89,11 +89,28 @@ class Scene:
     sky_part: Floats | None = None
     alone: Floats | None = None
     memory: dict[tuple[object, ...], Floats] = field(default_factory=dict)
+    lit: dict[tuple[tuple[int, bytes], ...], tuple[Light, object]] = field(default_factory=dict)
+    of_rows: dict[Callable[["Scene"], Floats], Floats] = field(default_factory=dict)
 
     def only(self, rows: NDArray[np.bool_]) -> "Scene":
         """The scene of the readings where ``rows`` holds."""
         alone = None if self.alone is None else self.alone[rows]
-        return replace(self, readings=self.readings.only(rows), alone=alone, memory={})
+        known = {work: made[..., rows] for work, made in self.of_rows.items()}
+        part = replace(self, readings=self.readings.only(rows), alone=alone, memory={}, lit={}, of_rows=known)
+        part.__dict__["fields"] = self.fields  # those of tests without a row are never read
+        return part
+
+    def quieted(self, alone: Floats) -> "Scene":
+        """The same scene where readings may err by themselves."""
+        other = replace(self, alone=alone)
+        other.__dict__["fields"] = self.fields
+        return other
+
+    def remember_rows(self, work: Callable[["Scene"], Floats]) -> Floats:
+        """The array (..., N) that ``work`` makes of this scene, each row by itself: made once, of all rows."""
+        if work not in self.of_rows:
+            self.of_rows[work] = work(self)
+        return self.of_rows[work]
 
     def remember(self, work: Callable[Concatenate["Scene", ...], Floats], *at: float) -> Floats:
         """The array that ``work`` makes of this scene (at these values), made once."""

@@ -106,7 +106,7 @@ class Search:
         """The same search where readings may err by themselves (`Scene.alone`), begun where this one's looks ended."""
         self.fitter.forget()
         other = copy(self)
-        other.fitter = Fitter(replace(self.scene, alone=alone))
+        other.fitter = Fitter(self.scene.quieted(alone))
         other.scene, other.before_quieting = other.fitter.scene, self
         return other
 

@@ -15,6 +15,7 @@ from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
+_KEPT = 8  # lights after the first terms, some megabytes each
 FORM_OF_SIZE = 0.18
 """Share of an effect's size that its form usually leaves open, set on a blind trial (docs/explaining.md)."""
 IMAGES_OF_SIZE = 0.5
@@ -235,10 +236,22 @@ def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
         parts.append((term, np.asarray(theta[k : k + n], dtype=np.float64)))
         k += n
     parts.sort(key=lambda item: item[0].mechanism.stage)
-    light = scene.dark_light()
-    for term, p in parts:
-        term.illuminate(scene, light, p)
-    values = scene.read(light)
+    values = scene.read(_lit(scene, parts))
     for term, p in parts:
         values = term.respond(scene, values, p)
     return values
+
+
+def _lit(scene: Scene, parts: list[tuple[Term, Floats]]) -> Light:
+    """The light after all terms; what the first of them make of it is kept, as fits move one parameter at a time."""
+    key = tuple((id(term), p.tobytes()) for term, p in parts)
+    known = next((n for n in range(len(parts) - 1, 0, -1) if key[:n] in scene.lit), 0)
+    light = replace(scene.lit[key[:known]][0]) if known else scene.dark_light()
+    for n in range(known, len(parts)):
+        term, p = parts[n]
+        term.illuminate(scene, light, p)
+        if n + 1 < len(parts):
+            scene.lit[key[: n + 1]] = replace(light), parts  # with the terms, so that their ids stay theirs
+    while len(scene.lit) > _KEPT:
+        del scene.lit[next(iter(scene.lit))]
+    return light

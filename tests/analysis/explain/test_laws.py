@@ -3,6 +3,7 @@
 import itertools
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,20 @@ def test_the_command_lists_the_whole_catalogue() -> None:
             assert p["low"] < p["high"]
     plain = CliRunner().invoke(cli, ["mechanisms"]).stdout
     assert all(m.id in plain and m.source in plain for m in CATALOGUE)
+
+
+@pytest.mark.parametrize("kind", ["arm", "roof", "picture"])
+def test_a_light_that_was_kept_is_the_light_made_anew(kind: str, request: pytest.FixtureRequest) -> None:
+    """Two mechanisms together, whichever was asked for before; the second is asked for twice, the first once."""
+    scene: Scene = request.getfixturevalue(kind)
+    usable = [m for m in CATALOGUE if set(m.kinds) & set(scene.kinds) and not m.random and not m.why_not(scene)]
+    ways = [terms_of(m, scene)[0] for m in usable]
+    for pair in itertools.pairwise(ways):
+        for share in (0.3, 0.4):
+            theta = [p.starts[0] for p in pair[0].parameters] + [share * p.starts[-1] for p in pair[1].parameters]
+            kept = predict(scene, pair, np.array(theta))
+            anew = predict(replace(scene, memory={}, lit={}, of_rows={}), pair, np.array(theta))
+            assert kept == pytest.approx(anew, rel=1e-12), [way.mechanism.id for way in pair]
 
 
 # neutral values, and ways that can be told apart
