@@ -16,7 +16,7 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import HAZES, daylight_of, on_top, ratio
+from analysis.explain.tracing import CELLS, HAZES, SUN_SAMPLES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES
@@ -24,7 +24,7 @@ from analysis.simulate.room import Room
 from analysis.simulate.variants import Parts, variants
 from labdaq.errors import ConfigError
 
-RAYS = 150_000
+RAYS = 60_000
 """Rays for each sun."""
 SETTING_OF = {
     "rotation_deg": "rotation_deg",
@@ -134,7 +134,9 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
                 [Change("", on_top(systems[system], change))],
                 distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
                 rays=RAYS,
+                sun_samples=SUN_SAMPLES,
                 samples=SAMPLES,
+                sharp_side=CELLS,
                 gamma_deg=GAMMA_DEG,
                 c_deg=np.append(C_DEG, 360.0),
             ).variants[0][1]

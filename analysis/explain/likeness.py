@@ -7,7 +7,9 @@ nearest to the prediction's own sun part.
 """
 
 import itertools
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -49,6 +51,8 @@ RAYS: Final = 16_000
 """Rays for each sun."""
 SAMPLES: Final = 2_048
 """Entries of the lens tables: a quarter of what is traced later."""
+CELLS: Final = 96
+"""Direction cells along the side of the tallies (1.5°)."""
 _TRACED_HAZE: Final = 0.3
 """A haze that is traced; its change is taken as linear in it."""
 _DARK: Final = 0.02
@@ -83,15 +87,17 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
     Whether a simulation knew its lenses' patterns is a matter of its engine, so it is decided for all systems together.
     """
     looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what)) is not None}
-    best = {name: look.turned(look.best(look.beginnings())) for name, look in looks.items()}
-    blurred = {name: look.best([best[name]._replace(isotropic=True, turn=0)]) for name, look in looks.items()}
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        best = list(pool.map(_Look.patterned, looks.values()))
+        blurred = list(pool.map(_Look.patternless, looks.values(), best))
+        if looks and _unlike(looks.values(), blurred) < _NO_PATTERN * _unlike(looks.values(), best):
+            best = blurred
+        hazy = dict(zip(looks, pool.map(_Look.hazy, looks.values(), best), strict=True))
+    return {name: hazy.get(name, system) for name, system in systems.items()}
 
-    def unlike(chosen: Mapping[str, Prisms]) -> float:
-        return float(np.sqrt(sum(looks[name].unlike(prisms) ** 2 for name, prisms in chosen.items())))
 
-    if looks and unlike(blurred) < _NO_PATTERN * unlike(best):
-        best = blurred
-    return {name: looks[name].hazy(best[name]) if name in looks else system for name, system in systems.items()}
+def _unlike(looks: Iterable["_Look"], chosen: Iterable[Prisms]) -> float:
+    return float(np.sqrt(sum(look.unlike(prisms) ** 2 for look, prisms in zip(looks, chosen, strict=True))))
 
 
 def _look(system: System, what: Predicted) -> "_Look | None":
@@ -113,7 +119,9 @@ class _Look:
     ) -> None:
         self.system, self.places, self.field = system, places, field
         self.source = sun_source(days)
-        self.use = Settings(rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, distance_m=distance_m, bounces=1)
+        self.use = Settings(
+            rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, sharp_side=CELLS, distance_m=distance_m, bounces=1
+        )
         self.seen = _logs(seen)
         self.known: dict[Prisms, float] = {}
         lens = getattr(system, places[0])
@@ -123,6 +131,14 @@ class _Look:
             _nearest(BLURS_DEG, lens.blur_deg),
             isotropic=lens.isotropic,
         )
+
+    def patterned(self) -> Prisms:
+        """The least unlike that knows directions in the lens's plane."""
+        return self.turned(self.best(self.beginnings()))
+
+    def patternless(self, like: Prisms) -> Prisms:
+        """The least unlike that knows none, begun at what is best with them."""
+        return self.best([like._replace(isotropic=True, turn=0)])
 
     def beginnings(self) -> list[Prisms]:
         """Each way that the prisms may look, at two places."""

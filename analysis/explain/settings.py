@@ -183,8 +183,9 @@ def _limits(traced: Tracing) -> Iterator[Path]:
     It is added where our lens throws it: below a deep well with the sun low, nothing may have been left to multiply.
     And as a ratio, as a wall's reflectance is: another lens throws it elsewhere, but beside what it throws there.
     """
-    whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})
-    cuts = dict(zip(map(float, LIMITS), _each(partial(_cut, traced), LIMITS), strict=True))
+    by_bounce = {name: traced.by_bounce(run, boot=True) for name, run in traced.precise.items()}
+    whole = traced.laid({name: _first(None, parts) for name, parts in by_bounce.items()})
+    cuts = {float(n): traced.laid({name: _first(n + 1, parts) for name, parts in by_bounce.items()}) for n in LIMITS}
     lacking = {at: (whole[0] - sun, whole[1] - sky) for at, (sun, sky) in cuts.items()}
     none, one = np.zeros_like(whole[0]), np.ones_like(whole[0])
     what = "reflections on the wall after which the simulation stopped"
@@ -203,9 +204,10 @@ def _over(most: Field, width_deg: float, cut: Field) -> Field:
     return over(most, wide(cut, width_deg))
 
 
-def _cut(traced: Tracing, limit: int) -> Field:
-    """Both parts as they are predicted without what bounces more than ``limit`` times."""
-    return traced.spread({n: traced.as_predicted(run.again(max_bounces=limit)) for n, run in traced.precise.items()})
+def _first(count: int | None, by_bounce: Field) -> Field:
+    """Both parts of what bounced less than ``count`` times."""
+    sun, sky = by_bounce
+    return sun[:count].sum(axis=0), sky[:count].sum(axis=0)
 
 
 def _stacked(fields: Mapping[float, Field]) -> tuple[Floats, Floats, Floats]:
@@ -216,42 +218,38 @@ def _stacked(fields: Mapping[float, Field]) -> tuple[Floats, Floats, Floats]:
 
 def _reflectances(traced: Tracing) -> Iterator[Path]:
     """One path for each system: its wall reflects more or less than described; and one for all alike."""
-    for name, run in traced.runs.items():
-        assumed = run.system.wall.reflectance
+    by_bounce = {name: traced.by_bounce(run) for name, run in traced.runs.items()}
+    walls = {name: run.system.wall.reflectance for name, run in traced.runs.items()}
+
+    def lit(reflectances: Mapping[str, float]) -> Field:
+        return traced.laid({n: _weighed(reflectances[n] / max(walls[n], 1e-9), by_bounce[n]) for n in walls})
+
+    for name, assumed in walls.items():
         tried = sorted({min(max(assumed + d, LEAST), MOST) for d in REFLECTANCES} | {assumed})
-        lit = dict(zip(tried, _each(partial(_with_wall, traced, name), tried), strict=True))
-        what = f"reflectance of the well of {name}"
         starts = tuple(r for r in (assumed - 0.1, assumed - 0.03, assumed + 0.02) if tried[0] < r < tried[-1])
-        parameter = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
-        yield from _through(traced, name, parameter, lit, assumed, geometric=True)
-
-    if len(traced.runs) > 1:
-        yield from _all_walls(traced)
-
-
-def _all_walls(traced: Tracing) -> Iterator[Path]:
-    """The walls of all systems reflect more or less by the same amount, as far as the darkest and the brightest can."""
-    runs = traced.runs
-    walls = [run.system.wall.reflectance for run in runs.values()]
-    least, most = LEAST - min(walls), MOST - max(walls)
-    tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
-
-    def moved(change: float) -> Field:
-        walls = {n: run.again(wall_reflectance=run.system.wall.reflectance + change) for n, run in runs.items()}
-        return traced.spread({n: traced.as_predicted(outcome) for n, outcome in walls.items()})
-
-    lit = dict(zip(tried, _each(moved, tried), strict=True))
-    what = "change of the reflectance of all wells"
-    starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
-    change = Parameter("change", "1", what, tried[0], tried[-1], 0.05, starts)
-    yield from _through(traced, "all systems alike", change, lit, 0.0, geometric=True)
+        what = f"reflectance of the well of {name}"
+        wall = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
+        yield from _among(name, wall, {r: lit(walls | {name: r}) for r in tried})
+    if len(walls) > 1:
+        least, most = LEAST - min(walls.values()), MOST - max(walls.values())
+        tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
+        starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
+        change = Parameter("change", "1", "change of the reflectance of all wells", tried[0], tried[-1], 0.05, starts)
+        yield from _among("all systems alike", change, {d: lit({n: r + d for n, r in walls.items()}) for d in tried})
 
 
-def _with_wall(traced: Tracing, name: str, reflectance: float) -> Field:
-    """Both parts with another wall in one system."""
-    parts = {n: traced.as_predicted(run.baseline) for n, run in traced.runs.items()}
-    changed = traced.runs[name].again(wall_reflectance=reflectance)
-    return traced.spread(parts | {name: traced.as_predicted(changed)})
+def _weighed(factor: float, by_bounce: Field) -> Field:
+    """Both parts with ``factor`` times the reflectance of the wall."""
+    sun, sky = (np.tensordot(factor ** np.arange(len(part)), part, 1) for part in by_bounce)
+    return sun, sky
+
+
+def _among(label: str, parameter: Parameter, lit: dict[float, Field]) -> Iterator[Path]:
+    """The path through fields of one run, as ratios to the one at the parameter's centre."""
+    for width, note in EVENED_DEG.items():
+        blurred = dict(zip(lit, _each(partial(wide, width_deg=width), lit.values()), strict=True))
+        over_base = {at: over(field, blurred[parameter.centre]) for at, field in blurred.items()}
+        yield Path(label + note, parameter, *_stacked(over_base), geometric=True)
 
 
 def _clock(traced: Tracing) -> Iterator[Path]:

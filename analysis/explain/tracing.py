@@ -39,10 +39,12 @@ DEPTHS: Final = (0.15, 0.6)
 RAYS: Final = 100_000
 MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
-MANY: Final = 7
+MANY: Final = 4
 """With more tests than these each has the fewer rays: what counts is what they tell together, and a case's time."""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
+CELLS: Final = 96
+"""Direction cells along the side of the tallies (1.5°): finer ones, beside what images are blurred by, cost time."""
 _DARK: Final = 0.01
 """Share of the brightest direction below which a ratio is drawn towards the usual one."""
 _FEW: Final = 0.05
@@ -125,6 +127,7 @@ class Tracing:
             rays=rays or int(self._share * RAYS),
             sun_samples=SUN_SAMPLES,
             samples=SAMPLES,
+            sharp_side=CELLS,
             sky=sky,
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),
@@ -134,6 +137,11 @@ class Tracing:
         """In the far field, or at the sensors, as the case's prediction is."""
         return outcome.near if self.case.setup.simulation.field == "near" else outcome.far
 
+    def by_bounce(self, run: VariantSet, *, boot: bool = False) -> Field:
+        """Both parts of one system as predicted, by bounces on its wall (and on its boot), (bounces, tests, P, G)."""
+        sun, sky = run.by_bounce("near" if self.case.setup.simulation.field == "near" else "far", boot=boot)
+        return sun[..., :-1, :], sky[..., :-1, :]
+
     @cached_property
     def base(self) -> Field:
         """Both parts as predicted, each (T, P, G)."""
@@ -141,11 +149,15 @@ class Tracing:
 
     def spread(self, parts: Mapping[str, Parts]) -> Field:
         """Parts of each system's tests, laid into arrays of all tests (zero elsewhere)."""
+        return self.laid({name: (made.sun[:, :-1], made.sky[:, :-1]) for name, made in parts.items()})
+
+    def laid(self, parts: Mapping[str, Field]) -> Field:
+        """The same of fields (tests of the system, P, G)."""
         shape = (len(self.case.tests), len(C_DEG), len(GAMMA_DEG))
         sun, sky = np.zeros(shape), np.zeros(shape)
         for name, made in parts.items():
             rows = [k for k, _ in self.days[name]]
-            sun[rows], sky[rows] = made.sun[:, :-1], made.sky[:, :-1]
+            sun[rows], sky[rows] = made
         return sun, sky
 
     def lit(self, settings: Setting) -> Field:

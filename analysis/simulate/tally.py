@@ -189,21 +189,31 @@ class Tally:
         return seen.candela * factor, seen.uncertainty * factor
 
     def by_bounce(
-        self, gamma_deg: ArrayLike, c_deg: ArrayLike, field: Field = "far", smoothing: Smoother | None = None
+        self,
+        gamma_deg: ArrayLike,
+        c_deg: ArrayLike,
+        field: Field = "far",
+        smoothing: Smoother | None = None,
+        *,
+        boot: bool = False,
     ) -> Floats:
-        """Intensity [cd] by number of wall bounces, shape (bounces, T, ...), in fixed neighbourhoods."""
+        """Intensity [cd] by number of wall bounces, shape (bounces, T, ...), in fixed neighbourhoods.
+
+        With ``boot``, by number of all bounces, those on a boot included.
+        """
         use = smoothing or smoother(gamma_deg, c_deg, self.sides())
         f = 1 if field == "near" else 0
-        total: Any = 0.0
+        shape = (self._bounces + (max(self.sharp.shape[1], self.soft.shape[1]) - 1) * boot, self.members)
+        total = np.zeros((*shape, *use.shape))
         for hits, operators in ((self.sharp, use.sharp), (self.soft, use.soft)):
-            lumens = hits[:, :, :, f].mean(axis=0).sum(axis=0)  # (bounces, cells, T)
-            flat = np.moveaxis(lumens, 1, 0).reshape(lumens.shape[1], -1)
-            values = (operators[min(1, len(operators) - 1)].weights @ flat).reshape(-1, len(lumens), lumens.shape[2])
-            part = np.moveaxis(values, 0, -1).reshape(len(lumens), lumens.shape[2], *use.shape)
-            if len(part) < self._bounces:
-                part = np.concatenate([part, np.zeros((self._bounces - len(part), *part.shape[1:]))])
-            total = total + part
-        return np.asarray(total)
+            lumens = hits[:, :, :, f].mean(axis=0)  # (boot bounces, bounces, cells, T)
+            counted = np.zeros((shape[0], *lumens.shape[2:]))
+            for k, part in enumerate(lumens):
+                counted[k * boot : k * boot + len(part)] += part
+            flat = np.moveaxis(counted, 1, 0).reshape(counted.shape[1], -1)
+            values = (operators[min(1, len(operators) - 1)].weights @ flat).reshape(-1, *shape)
+            total += np.moveaxis(values, 0, -1).reshape(*shape, *use.shape)
+        return total
 
     @property
     def _bounces(self) -> int:

@@ -102,14 +102,16 @@ class VariantSet:
         """The baseline with another wall reflectance or bounce limit, from its tallies: exact, and without new rays."""
         return _outcome(*self._tallies, len(self.tests), self.gamma_deg, self.c_deg, wall_reflectance, max_bounces)
 
-    def by_bounce(self, field_: Field = "far") -> tuple[Floats, Floats]:
+    def by_bounce(self, field_: Field = "far", *, boot: bool = False) -> tuple[Floats, Floats]:
         """Baseline by wall bounces n, sun and sky, each (n, tests, C, gamma) [cd]; weigh with (R/R0)^n.
 
-        Smoothed with fixed neighbourhoods, so the sum over n differs from the baseline by smoothing: use ratios.
+        With ``boot``, by all bounces, those on a boot included: a limit leaves the first of them. Smoothed with fixed
+        neighbourhoods, so the sum over n differs from the baseline by smoothing: use ratios.
         """
         shape = (1, len(self.tests), len(self.c_deg), len(self.gamma_deg))
+        mesh = _mesh(self.gamma_deg, self.c_deg)
         sun, sky = (
-            np.zeros(shape) if tally is None else _closed(tally.by_bounce(*_mesh(self.gamma_deg, self.c_deg), field_))
+            np.zeros(shape) if tally is None else _closed(tally.by_bounce(*mesh, field_, boot=boot))
             for tally in self._tallies
         )
         return sun, sky
@@ -126,6 +128,7 @@ def variants(
     threads: int = 0,
     sun_samples: int = 0,
     samples: int = SAMPLES,
+    sharp_side: int = Settings.sharp_side,
     sky: bool = True,
     gamma_deg: Floats = GAMMA_DEG,
     c_deg: Floats = C_DEG,
@@ -134,12 +137,15 @@ def variants(
     """Predict a system under several daylights, as it is and with each change.
 
     ``rays`` are traced for each sun, and `SKY_SHARE` times as many for each sky. ``c_deg`` must be closed (0 to 360).
-    The result depends on seed and rays, not on ``threads`` (0: all cores). ``samples`` and ``sun_samples``:
-    see `Settings`; 0 of the latter takes a quarter of the rays. Without ``sky`` the sky part is not traced, and zero.
+    The result depends on seed and rays, not on ``threads`` (0: all cores). ``samples``, ``sun_samples`` and
+    ``sharp_side``: see `Settings`; 0 of the second takes a quarter of the rays. Without ``sky`` the sky part is not
+    traced, and zero.
     Raises `ConfigError` for a setting that does not exist.
     """
     plans = [_plan(system, {}, distance_m), *(_plan(system, change.setting, distance_m) for change in changes)]
-    settings = Settings(rays=rays, seed=seed, samples=samples, sun_samples=sun_samples or _samples(rays))
+    settings = Settings(
+        rays=rays, seed=seed, samples=samples, sun_samples=sun_samples or _samples(rays), sharp_side=sharp_side
+    )
     runs = _Runs(tests, settings, sampler, sky)
     for plan in plans:
         runs.want(plan)

@@ -78,6 +78,18 @@ def test_by_bounce_adds_up_to_the_baseline(box: VariantSet) -> None:
     assert flux(sky[:2].sum(axis=0), box) == pytest.approx(flux(limited, box), rel=0.01)
 
 
+def test_by_all_bounces_a_limit_leaves_the_first_of_them() -> None:
+    """Below the tube light also bounces on a boot, which the count of the wall alone does not hold."""
+    tube = variants(named("tube"), a_morning()[:1], [], rays=20_000, threads=1)
+    on_the_wall, _ = tube.by_bounce("near")
+    all_of_them, _ = tube.by_bounce("near", boot=True)
+    assert flux(all_of_them.sum(axis=0), tube) == pytest.approx(flux(on_the_wall.sum(axis=0), tube), rel=1e-6)
+    for limit in (2, 6):
+        cut = flux(tube.again(max_bounces=limit).near.sun, tube)
+        assert flux(all_of_them[: limit + 1].sum(axis=0), tube) == pytest.approx(cut, rel=0.02)
+        assert np.all(flux(on_the_wall[: limit + 1].sum(axis=0), tube) > 1.01 * cut)
+
+
 def test_without_bounces_reflectance_is_of_no_account(box: VariantSet) -> None:
     cut = box.again(max_bounces=0)
     both = by_setting(box, max_bounces=0, wall_reflectance=0.5)
