@@ -7,7 +7,8 @@ import numpy as np
 from scipy import sparse
 
 from analysis.cases.model import Aperture, Floats
-from analysis.explain.fields import C_DEG, GAMMA_DEG, Sampler, solid_angle
+from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.explain.sampler import Sampler
 from labdaq import directions
 
 CELLS = len(C_DEG) * len(GAMMA_DEG)

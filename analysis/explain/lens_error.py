@@ -9,9 +9,9 @@ system has its own, and each test a little more (the error depends on the angle 
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.fields import Sampler
 from analysis.explain.geometry import blurred, turned
 from analysis.explain.readings import Readings
+from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from labdaq import directions
 

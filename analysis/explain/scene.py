@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.cases import Case
 from analysis.cases.model import Floats, Goniometer
-from analysis.explain.fields import Fields, Sampler, fields_of
+from analysis.explain.fields import Fields, fields_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.retrace import Retraced, Simulator, retraced_of
+from analysis.explain.sampler import Sampler
 from analysis.explain.sky_flux import SkyFlux
 from analysis.explain.sky_shape import SkyShape
 from labdaq import directions

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cases.model import Parts
-from analysis.explain.fields import C_DEG, GAMMA_DEG, Sampler, fields_of, from_files
+from analysis.explain.fields import C_DEG, GAMMA_DEG, fields_of, from_files
 from analysis.explain.geometry import bilinear
 from analysis.explain.readings import Readings
+from analysis.explain.sampler import Sampler
 from analysis.photometry import Distribution
 from analysis.photometry.lm63 import FileGeneration, write_lm63
 from labdaq import directions
