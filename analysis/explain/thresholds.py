@@ -50,9 +50,8 @@ MISFIT_STRONG = 0.005
 MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
 MISFIT_LIKE_A_LENS = 0.3
-"""The same of what is written as a formula, but looks like a lens simulated a little wrong."""
-MISFIT_OF_CASE = 0.1
-"""The same of a change of the lens that the case's own variants show."""
+"""The same of what is written as a formula, but looks like a lens simulated a little wrong. (A change that the case's
+own variants show leaves no more than other mechanisms do.)"""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""

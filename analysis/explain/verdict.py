@@ -19,7 +19,6 @@ from analysis.explain.thresholds import (
     LIKELIER,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
-    MISFIT_OF_CASE,
     MISFIT_STRONG,
     MOST_MISFIT,
     RELIABLE,
@@ -128,9 +127,8 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    lens = [t for t in h.fit.terms if t.mechanism.like_a_lens]
-    if lens:
-        return (MISFIT_OF_CASE if all(of_the_case(t) for t in lens) else MISFIT_LIKE_A_LENS) * gain
+    if any(t.mechanism.like_a_lens and not of_the_case(t) for t in h.fit.terms):
+        return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
 
