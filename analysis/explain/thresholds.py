@@ -47,6 +47,8 @@ MOST_MISFIT = 20.0
 """The form of a strong mechanism leaves evidence for others, but at most this."""
 MISFIT_STRONG = 0.005
 """Yet at least such a share of its gain: an arm that turns the wrong way leaves nothing that is small beside itself."""
+MISFIT_OF_TWO = 0.03
+"""The same of two names together. (A limit of bounces and a mirrored arm left 2 %: 130 nats, for a false haze.)"""
 MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
 MISFIT_LIKE_A_LENS = 0.3
@@ -91,6 +93,10 @@ with physics outside the catalogue had more, and one of 33 others. Beside a name
 ROUGH_ONE = Hyper(4.5, np.inf, np.inf)
 """The same of one instrument, named or not. (Of another author's 50 roofs four had more, all of them with
 physics outside the catalogue.)"""
+OTHER_LENS = Hyper(6.0, 0.0, 2.4)
+"""Where both a shape error and errors of the sun's images are larger than this (the largest that are tried), another
+lens was simulated altogether, and names that are no change of the lens are doubtful. (Of another author's such names
+three of four were wrong; three names of the lens were right.)"""
 LEAST_ROUGH = 75.0
 """A name beside so much that is left must gain this."""
 STRONG = 1000.0

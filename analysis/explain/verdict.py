@@ -19,8 +19,10 @@ from analysis.explain.thresholds import (
     LIKELIER,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
+    MISFIT_OF_TWO,
     MISFIT_STRONG,
     MOST_MISFIT,
+    OTHER_LENS,
     RELIABLE,
     ROUGH,
     ROUGH_ALONE,
@@ -44,7 +46,7 @@ def decide(found: Conclusion, few: float) -> None:
     if not found.best.ids:
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
-        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
+        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH) or _another_lens(found)
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0))):
         found.verdict = "unexplained"
@@ -70,6 +72,13 @@ def _rougher(found: Conclusion, usual: Hyper) -> bool:
     """Whether what is left is larger or rougher than simulations, or second instruments, usually leave."""
     left = found.best.fit.hyper
     return left.shape > usual.shape or left.scatter > usual.scatter or left.lens > usual.lens
+
+
+def _another_lens(found: Conclusion) -> bool:
+    """Whether what was simulated is another lens altogether, of which the names do not tell."""
+    left = found.best.fit.hyper
+    told = any(t.mechanism.like_a_lens for t in found.best.fit.terms)
+    return left.shape > OTHER_LENS.shape and left.lens > OTHER_LENS.lens and not told
 
 
 def doubles(name: str) -> tuple[str, ...]:
@@ -130,7 +139,8 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     if any(t.mechanism.like_a_lens and not of_the_case(t) for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
-    return max(min(wrong**2 * gain, MOST_MISFIT), MISFIT_STRONG * gain)
+    share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
+    return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
 
 
 def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list[str]:

@@ -22,6 +22,7 @@ from analysis.explain.thresholds import (
     HOLDS_LAWS,
     LIKELIER,
     MISFIT_LENS,
+    MISFIT_OF_TWO,
     MOST_MISFIT,
     RELIABLE,
     SURE,
@@ -390,6 +391,21 @@ def test_a_rough_rest_counts_beside_what_is_explained(arm: Scene) -> None:
     """More than simulations leave: beside a weak name nothing is claimed, beside a strong one something is left."""
     told = {gain: _decided(arm, ("c-offset", gain), hyper=Hyper(6.0, 1.0)).verdict for gain in (60.0, 500.0, 5000.0)}
     assert told == {60.0: "unexplained", 500.0: "partly-explained", 5000.0: "explained"}
+
+
+def test_where_another_lens_was_simulated_only_a_change_of_the_lens_is_told(arm: Scene) -> None:
+    lens = Hyper(7.0, 1.0, 2.5)
+    told = {name: _decided(arm, (name, 400.0), hyper=lens).verdict for name in ("clock-offset", "lens-orientation")}
+    assert told == {"clock-offset": "unexplained", "lens-orientation": "partly-explained"}
+    assert _decided(arm, ("clock-offset", 400.0), hyper=Hyper(7.0, 1.0, 1.0)).verdict == "partly-explained"
+    assert _decided(arm, ("clock-offset", 4000.0), hyper=lens).verdict == "explained"
+
+
+def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> None:
+    one, two = (_hypothesis(arm, 5000.0, *ids) for ids in (("c-handedness",), ("c-handedness", "gamma-offset")))
+    nothing = _hypothesis(arm, 0.0)
+    assert misfit(two, nothing) == pytest.approx(MISFIT_OF_TWO * 5000.0)
+    assert misfit(one, nothing) < misfit(two, nothing)
 
 
 @pytest.mark.parametrize(
