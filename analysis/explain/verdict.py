@@ -207,7 +207,7 @@ def _probabilities(found: Conclusion) -> None:
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against
         law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
-        nearest = max(*rivals.values(), law / nats - LIKELIER, nothing)
+        nearest = max(*rivals.values(), law / nats - LIKELIER, nothing) + LIKELIER * (found.best.first in found.unseen)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
     share = {key: float(np.exp(r - np.logaddexp.reduce([nothing, *rivals.values()]))) for key, r in rivals.items()}

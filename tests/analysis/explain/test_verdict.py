@@ -96,7 +96,7 @@ def test_doubles_that_do_not_do_alike_are_rivals(arm: Scene) -> None:
     assert found.probability["stray-light"] < _decided(arm, ("stray-light", 200.0)).probability["stray-light"]
 
 
-def test_a_meter_that_no_reading_shows_is_a_weaker_rival(arm: Scene) -> None:
+def test_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
     """Where there is no reading on the roof, its meters act on the arm by the split of sun and sky alone."""
     singles = ("sky-sun-ratio", 300.0), ("meter-gain", 270.0), ("c-offset", 10.0)
     seen, unseen = _decided(arm, *singles), _decided(arm, *singles, unseen=("meter-gain",))
@@ -104,6 +104,8 @@ def test_a_meter_that_no_reading_shows_is_a_weaker_rival(arm: Scene) -> None:
         RELIABLE * float(expit(30.0 / temper(300.0) + LIKELIER)), abs=1e-6
     )
     assert seen.probability["sky-sun-ratio"] < unseen.probability["sky-sun-ratio"]
+    alone = [_decided(arm, ("meter-tilt", 40.0), unseen=names).verdict for names in ((), ("meter-tilt",))]
+    assert alone == ["explained", "unexplained"]
 
 
 def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
