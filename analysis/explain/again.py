@@ -16,7 +16,7 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import CELLS, HAZES, SUN_SAMPLES, daylight_of, on_top, ratio
+from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top, ratio
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES
@@ -136,7 +136,7 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
                 rays=RAYS,
                 sun_samples=SUN_SAMPLES,
                 samples=SAMPLES,
-                sharp_side=CELLS,
+                sharp_side=SHARP_SIDE,
                 gamma_deg=GAMMA_DEG,
                 c_deg=np.append(C_DEG, 360.0),
             ).variants[0][1]

@@ -17,6 +17,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
+from analysis.explain.tracing import SHARP_SIDE
 from analysis.simulate.daylight import Daylight, sun_source
 from analysis.simulate.system import LENS_PLACES, System
 from analysis.simulate.tally import Field
@@ -51,8 +52,6 @@ RAYS: Final = 16_000
 """Rays for each sun."""
 SAMPLES: Final = 2_048
 """Entries of the lens tables: a quarter of what is traced later."""
-CELLS: Final = 96
-"""Direction cells along the side of the tallies (1.5°)."""
 _TRACED_HAZE: Final = 0.3
 """A haze that is traced; its change is taken as linear in it."""
 _DARK: Final = 0.02
@@ -120,7 +119,7 @@ class _Look:
         self.system, self.places, self.field = system, places, field
         self.source = sun_source(days)
         self.use = Settings(
-            rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, sharp_side=CELLS, distance_m=distance_m, bounces=1
+            rays=RAYS, samples=SAMPLES, sun_samples=SAMPLES, sharp_side=SHARP_SIDE, distance_m=distance_m, bounces=1
         )
         self.seen = _logs(seen)
         self.known: dict[Prisms, float] = {}

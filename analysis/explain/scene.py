@@ -83,6 +83,9 @@ class Scene:
         The sky part by our own simulation, where the case gives only the sum of both.
     alone : shape (N,)
         Relative standard deviations by which readings that stand alone err by themselves (`analysis.explain.alone`).
+    memory, lit, of_rows
+        What was worked out already: arrays (`remember`), the light after the first of several mechanisms
+        (`analysis.explain.mechanisms.base`), and arrays whose last axis is the rows' (`remember_rows`).
     """
 
     readings: Readings

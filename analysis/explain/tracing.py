@@ -43,7 +43,7 @@ MANY: Final = 4
 """With more tests than these each has the fewer rays: what counts is what they tell together, and a case's time."""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
-CELLS: Final = 96
+SHARP_SIDE: Final = 96
 """Direction cells along the side of the tallies (1.5°): finer ones, beside what images are blurred by, cost time."""
 _DARK: Final = 0.01
 """Share of the brightest direction below which a ratio is drawn towards the usual one."""
@@ -127,7 +127,7 @@ class Tracing:
             rays=rays or int(self._share * RAYS),
             sun_samples=SUN_SAMPLES,
             samples=SAMPLES,
-            sharp_side=CELLS,
+            sharp_side=SHARP_SIDE,
             sky=sky,
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),
