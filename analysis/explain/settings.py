@@ -219,10 +219,11 @@ def _stacked(fields: Mapping[float, Field]) -> tuple[Floats, Floats, Floats]:
 def _reflectances(traced: Tracing) -> Iterator[Path]:
     """One path for each system: its wall reflects more or less than described; and one for all alike."""
     by_bounce = {name: traced.by_bounce(run) for name, run in traced.runs.items()}
-    walls = {name: run.system.wall.reflectance for name, run in traced.runs.items()}
+    walls = {n: r for n, run in traced.runs.items() if (r := run.system.wall.reflectance) > 0.0}  # black: no bounces
 
     def lit(reflectances: Mapping[str, float]) -> Field:
-        return traced.laid({n: _weighed(reflectances[n] / max(walls[n], 1e-9), by_bounce[n]) for n in walls})
+        factor = {name: r / walls[name] for name, r in reflectances.items()}
+        return traced.laid({n: _weighed(factor.get(n, 1.0), parts) for n, parts in by_bounce.items()})
 
     for name, assumed in walls.items():
         tried = sorted({min(max(assumed + d, LEAST), MOST) for d in REFLECTANCES} | {assumed})

@@ -153,6 +153,14 @@ def test_a_pattern_as_square_as_a_pyramid_is_itself_after_a_quarter_turn(made: R
     assert np.std(path.sun[len(path.positions) // 2]) > 0.01, "half way the images lie elsewhere"
 
 
+def test_a_black_wall_is_left_as_it_is(simulated: OwnSimulation) -> None:
+    """No bounce tells what it would reflect; those of the other systems are told."""
+    systems = dict(simulated.systems)
+    systems["box"] = systems["box"].with_settings({"wall.reflectance": 0.0})
+    labels = {path.label for path in settings.paths_of(Tracing(simulated.case, systems))["wall-reflectance"]}
+    assert {label for label in labels if EVENED not in label} == {"tube"}
+
+
 # ratios
 
 
