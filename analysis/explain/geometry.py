@@ -12,6 +12,8 @@ from analysis.explain.sampler import Sampler
 from labdaq import directions
 
 CELLS = len(C_DEG) * len(GAMMA_DEG)
+_FAINT = 1e-3
+"""Share of its middle below which a Gaussian's tail is left out."""
 
 
 @lru_cache(maxsize=1)
@@ -24,15 +26,14 @@ def grid_vectors() -> Floats:
 def _blur_matrix(sigma_deg: float) -> sparse.csr_matrix:
     """Spread each cell's light over a Gaussian of ``sigma_deg``, keeping what stays below the horizon; (cells,
     cells)."""
-    v = grid_vectors()
-    weight = solid_angle().reshape(-1)
+    v, weight = grid_vectors(), solid_angle().reshape(-1)
     kappa = 1.0 / np.radians(sigma_deg) ** 2
-    kernel = np.exp(kappa * (v @ v.T - 1.0))
-    kernel[kernel < 1e-3] = 0.0
-    kernel *= weight[:, None] * 1.0
-    # column j: where the light of cell j goes; each column sums to one in flux (weight on the receiving side)
-    kernel /= kernel.sum(axis=0)
-    return sparse.csr_matrix((kernel * weight[None, :]) / weight[:, None])
+    cosine = v @ v.T
+    to, of = np.nonzero(cosine > 1.0 + np.log(_FAINT) / kappa)
+    kernel = np.exp(kappa * (cosine[to, of] - 1.0)) * weight[to]
+    # what each cell sends out sums to one in flux (weight on the receiving side)
+    kernel /= np.bincount(of, weights=kernel, minlength=CELLS)[of]
+    return sparse.csr_matrix((kernel * weight[of] / weight[to], (to, of)), shape=(CELLS, CELLS))
 
 
 def blurred(field: Floats, sigma_deg: float) -> Floats:
