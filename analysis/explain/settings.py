@@ -26,9 +26,9 @@ from analysis.explain.tracing import (
     Field,
     Setting,
     Tracing,
-    daylight_of,
     haze,
     knows_no_pattern,
+    later,
     over,
     ratio,
     wide,
@@ -267,6 +267,6 @@ def _later(traced: Tracing, minutes: float) -> Field:
     """Both parts with all suns ``minutes`` later; the sky's stays as it was measured."""
     moved = {}
     for name, days in traced.days.items():
-        shifted = [daylight_of(traced.case, k, minutes) for k, _ in days]
+        shifted = [later(traced.case, k, day, minutes) for k, day in days]
         moved[name] = traced.as_predicted(traced.trace(name, shifted, sky=False).baseline)
     return traced.spread(moved)[0], traced.base[1]

@@ -5,6 +5,7 @@ the two engines disagree about drops out.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -263,15 +264,26 @@ def _settings(system: System) -> list[Setting]:
 def daylight_of(case: Case, k: int, minutes: float) -> Daylight:
     """Daylight of test ``k``, with the sun ``minutes`` later; typical illuminances where none were measured."""
     test = case.tests[k]
+    diffuse = test.diffuse_illuminance_lx or 15_000.0
+    beam = max((test.global_illuminance_lx or 0.0) - diffuse, 0.02 * diffuse)  # a hidden sun has a ratio, too
+    return daylight(*_sun(case, k, minutes), diffuse + beam, diffuse, "perez", test.id)
+
+
+def later(case: Case, k: int, day: Daylight, minutes: float) -> Daylight:
+    """The same daylight of test ``k`` with the sun where it is ``minutes`` later, and the sky as it was."""
+    altitude, azimuth = _sun(case, k, minutes)
+    return replace(day, sun_altitude_deg=altitude, sun_azimuth_deg=azimuth)
+
+
+def _sun(case: Case, k: int, minutes: float) -> tuple[float, float]:
+    """Altitude and azimuth [deg] of the sun ``minutes`` after test ``k``; never quite down."""
+    test = case.tests[k]
     altitude, azimuth = float(test.sun_altitude_deg or 0.0), float(test.sun_azimuth_deg or 0.0)
     if minutes and test.start is not None:
         start_ns = int(test.start.timestamp()) * 1_000_000_000
         (h0, h1), (a0, a1) = sun_at(case, np.array([start_ns, start_ns + int(minutes * 60e9)]))
         altitude, azimuth = altitude + h1 - h0, azimuth + a1 - a0
-    altitude = min(max(altitude, 2.0), 90.0)
-    diffuse = test.diffuse_illuminance_lx or 15_000.0
-    beam = max((test.global_illuminance_lx or 0.0) - diffuse, 0.02 * diffuse)  # a hidden sun has a ratio, too
-    return daylight(altitude, azimuth % 360.0, diffuse + beam, diffuse, "perez", test.id)
+    return min(max(altitude, 2.0), 90.0), azimuth % 360.0
 
 
 def ratio(new: Floats, old: Floats) -> Floats:
