@@ -7,11 +7,13 @@ each may err by itself. They are told, and where nothing is named they say that 
 """
 
 from dataclasses import replace
+from functools import partial, reduce
 
 import numpy as np
 from scipy.special import gammaln
 
 from analysis.cases.model import Ints
+from analysis.explain.abreast import abreast
 from analysis.explain.families import SIZES
 from analysis.explain.fit import MIDDLE, Extra, Fit
 from analysis.explain.form_error import locally_wrong
@@ -43,14 +45,19 @@ def quieted(search: Search) -> Search:
     nothing = search.fitter.fit((), np.zeros(0), MIDDLE)
     looks = sorted((min(fits, key=lambda f: f.objective) for fits in search.looks.values()), key=lambda f: f.objective)
     promising = [f for f in looks if f.objective < nothing.objective - _PROMISING][:_MOST]
-    rows = np.arange(len(search.scene.readings))
-    for fit in map(replace, (nothing, *promising)):
-        extra = search.forms_wrong(fit)
-        search.fitter.weigh([fit], extra)
-        rows = np.intersect1d(rows, _odd(search, fit, extra))
-        if len(rows) == 0:
-            return search
+    rows = _odd_beside(search, nothing)
+    if len(rows):
+        rows = reduce(np.intersect1d, abreast(partial(_odd_beside, search), promising), rows)
+    if len(rows) == 0:
+        return search
     return search.quieter(np.where(np.isin(np.arange(len(search.scene.readings)), rows), QUIET, 0.0))
+
+
+def _odd_beside(search: Search, look: Fit) -> Ints:
+    """Rows that stand alone beside a first look's fit, its sizes found."""
+    fit, extra = replace(look), search.forms_wrong(look)
+    search.fitter.weigh([fit], extra)
+    return _odd(search, fit, extra)
 
 
 def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wander, float] | None:

@@ -127,9 +127,8 @@ def _wandering_beside(
     """``base`` with each of the catalogue's random effects that repeated readings do not contradict."""
     tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
     kept = []
-    for wander in named_wanders(search.scene, tried):
-        h = search.wandering(base, wander, extra)
-        _, amplitude, length = h.wanders[-1]
+    for h in search.each_wandering(base, named_wanders(search.scene, tried), extra):
+        wander, amplitude, length = h.wanders[-1]
         told = repeats(search.scene, base.fit, wander, amplitude, length) if wander is CLOUD else None
         if told and told.contradict:
             found.contradicted[wander.name] = "readings of one direction at several moments of a test do not show it"
@@ -216,9 +215,9 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
     """Unnamed structure that could stand beside ``base``, largest gain first."""
     alone = search.reweighed(base, extra)
     found = []
-    for family in unnamed_wanders(search.scene):
-        h = search.wandering(base, family, extra)
-        found.append(Unnamed(family.along, h.evidence - alone, h.wanders[-1][1]))
+    for h in search.each_wandering(base, unnamed_wanders(search.scene), extra):
+        family, size, _ = h.wanders[-1]
+        found.append(Unnamed(family.along, h.evidence - alone, size))
     whole = search.before_quieting
     if odd := odd_readings(whole, base.fit, extra):
         family, ways = odd

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.abreast import abreast
 from analysis.explain.fit import Fitter
 from analysis.explain.form_error import form_error
 from analysis.explain.hypers import Hyper
@@ -56,13 +57,18 @@ def held_out(scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper)
     else:
         scheme, label = "leave-one-test-out", np.array([t.id for t in r.case.tests])[r.test]
     before, after, with_shared = deviations(r, r.simulated), np.zeros(len(r)), np.zeros(len(r))
-    groups = []
-    for name in dict.fromkeys(label.tolist()):
+
+    def without(name: str) -> tuple[Floats, Floats]:
+        """Deviations of the rows left out, without and with what the others say of the shared error."""
         out = label == name
         fitted, learned = _fit_without(scene, terms, theta, hyper, ~out)
         corrected = predict(scene, terms, fitted)
-        after[out] = deviations(r, corrected)[out]
-        with_shared[out] = deviations(r, corrected * np.exp(learned.at(scene)))[out]
+        return deviations(r, corrected)[out], deviations(r, corrected * np.exp(learned.at(scene)))[out]
+
+    names, groups = list(dict.fromkeys(label.tolist())), []
+    for name, made in zip(names, abreast(without, names), strict=True):
+        out = label == name
+        after[out], with_shared[out] = made
         groups.append((str(name), rms(before[out]), rms(after[out])))
     return HeldOut(scheme, rms(before), rms(after), tuple(groups), rms(with_shared))
 

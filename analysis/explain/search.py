@@ -4,14 +4,16 @@ Singles are all tried, with what their forms have wrong allowed for. A second me
 best singles, and accepted only with evidence to spare; likewise a third.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.abreast import abreast
 from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, without
 from analysis.explain.form_error import form_error
@@ -20,6 +22,9 @@ from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.wander import Wander
+
+X = TypeVar("X")
+Y = TypeVar("Y")
 
 _BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
 _STARTS = 2
@@ -115,7 +120,7 @@ class Search:
     @cached_property
     def looks(self) -> dict[str, list[Fit]]:
         """Each parametric mechanism's most promising ways as they fit at usual sizes, not weighed."""
-        return {m: self._fit_ways(terms) for m, terms in self._terms.items()}
+        return dict(zip(self._terms, self._abreast(self._fit_ways, self._terms.values()), strict=True))
 
     def nothing(self) -> Hypothesis:
         """The hypothesis that nothing was left out."""
@@ -125,12 +130,12 @@ class Search:
 
     def singles(self) -> list[Hypothesis]:
         """One hypothesis per parametric mechanism, best first."""
-        fits = {m: [self._from_look(fit) for fit in ways] for m, ways in self.looks.items()}
-        self.fitter.weigh([f for ways in fits.values() for f in ways])
+        fits = dict(zip(self.looks, self._abreast(self._weighed, self.looks.values()), strict=True))
         nothing = self.nothing().evidence
         best = max((f.log_evidence for ways in fits.values() for f in ways), default=nothing)
         least = nothing + max(_A_SHARE * (best - nothing), 0.0)
-        fits = {m: self._allowing_for_forms(ways, least) for m, ways in fits.items()}
+        allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values())
+        fits = dict(zip(fits, allowed, strict=True))
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.kinds == ("roof",):
             found += [h for h in map(self._restless, found[:]) if h is not None]
@@ -172,9 +177,17 @@ class Search:
         looks.sort(key=lambda look: look[0])
         return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
 
-    def _from_look(self, look: Fit) -> Fit:
-        """A first look's fit; again, if readings were quieted since."""
-        return replace(look) if self.before_quieting is self else self.fitter.fit(look.terms, look.theta, MIDDLE)
+    def _weighed(self, looks: list[Fit]) -> list[Fit]:
+        """First looks' fits with their evidence; fitted again, if readings were quieted since."""
+        whole = self.before_quieting is self
+        fits = [replace(f) if whole else self.fitter.fit(f.terms, f.theta, MIDDLE) for f in looks]
+        self.fitter.weigh(fits)
+        return fits
+
+    def _abreast(self, work: Callable[[X], Y], items: Iterable[X], *shared: object) -> list[Y]:
+        """`abreast`, whose results may hold this search's terms."""
+        terms = [t for ways in (*self._terms.values(), *self.conjectures.values()) for t in ways]
+        return abreast(work, items, (*terms, *shared))
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
         """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
@@ -234,16 +247,18 @@ class Search:
 
         They are weighed with ``extra`` effects.
         """
-        found = []
-        for m, terms in (self._terms if among is None else among).items():
-            if m in first.ids:
-                continue
-            fits = self._fit_beside(first.fit, terms, extra)
-            if not fits:
-                continue
-            self.fitter.weigh(fits, extra, first.fit.hyper)
-            found.append(replace(self._joined(fits, len(terms)), wanders=first.wanders))
-        return sorted(found, key=lambda h: -h.evidence)
+        others = [terms for m, terms in (self._terms if among is None else among).items() if m not in first.ids]
+        known = (*first.fit.terms, *(wander for wander, _, _ in first.wanders))
+        found = self._abreast(lambda terms: self._one_beside(first, terms, extra), others, *known)
+        return sorted((h for h in found if h is not None), key=lambda h: -h.evidence)
+
+    def _one_beside(self, first: Hypothesis, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> Hypothesis | None:
+        """``first`` and one mechanism more; ``None`` where it promises nothing."""
+        fits = self._fit_beside(first.fit, terms, extra)
+        if not fits:
+            return None
+        self.fitter.weigh(fits, extra, first.fit.hyper)
+        return replace(self._joined(fits, len(terms)), wanders=first.wanders)
 
     def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:
         looks = [(*self.fitter.promise(term, MIDDLE, first, extra), term) for term in terms]
@@ -289,6 +304,12 @@ class Search:
         return min(sizes, default=0.0)
 
     # random effects and unnamed structure
+
+    def each_wandering(self, base: Hypothesis, wanders: Iterable[Wander], extra: tuple[Extra, ...]) -> list[Hypothesis]:
+        """``base`` with each of some random effects more."""
+        tried = list(wanders)
+        known = (*tried, *base.fit.terms, *(wander for wander, _, _ in base.wanders))
+        return self._abreast(lambda wander: self.wandering(base, wander, extra), tried, *known)
 
     def wandering(self, base: Hypothesis, wander: Wander, extra: tuple[Extra, ...]) -> Hypothesis:
         """``base`` with a random effect more: evidence averaged over its amplitudes and lengths.
