@@ -200,18 +200,10 @@ class ProjectionError(CameraMechanism):
     parameters = (
         Parameter("shift_deg", "deg", "largest error of the direction, outwards", -12.0, 12.0, 2.0, (-1.0, 1.0)),
     )
-    centre = (
-        Parameter(
-            "centre_north_deg", "deg", "the picture's true centre, towards north", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
-        ),
-        Parameter(
-            "centre_east_deg", "deg", "the picture's true centre, towards east", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)
-        ),
-    )
     needs = "directions and the sun's place"
     source = (
-        "true zenith angle = assumed + s sin(2 · zenith angle), or + s t, or the zenith elsewhere in the picture; "
-        "equisolid taken for equidistant: 3.8° (hdr.md section 5)"
+        "true zenith angle = assumed + s sin(2 · zenith angle), or + s t; equisolid taken for equidistant: 3.8° "
+        "(hdr.md section 5)"
     )
     tie_breaker = "a picture of marks at known angles, or of the sun over a day"
     wide = True
@@ -222,32 +214,23 @@ class ProjectionError(CameraMechanism):
         return super().why_not(scene) or why_no_shape(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """An error that is largest half way to the rim, one that grows to the rim, or a wrong centre."""
-        return (Branch("", "half way"), Branch("growing to the rim", "rim"), Branch("wrong centre", "centre"))
-
-    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """A shift, or the two of a centre."""
-        return self.centre if branch.value == "centre" else self.parameters
+        """An error that is largest half way to the rim, or one that grows to the rim."""
+        return (Branch("", "half way"), Branch("growing to the rim", "rim"))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Read the sky at the shifted direction."""
         v = towards(scene.readings)
-        if branch.value == "centre":
-            moved = v + np.radians(np.array([p[1], p[0], 0.0]))
-        else:
-            t = np.minimum(zenith_angle(scene), 1.0)
-            shift = p[0] * (t if branch.value == "rim" else np.sin(np.pi * t))
-            outward = np.stack([v[:, 0], v[:, 1], 0.0 * t], axis=1)
-            outward = outward - np.sum(outward * v, axis=1, keepdims=True) * v
-            size = np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
-            moved = v + np.radians(shift)[:, None] * outward / size
+        t = np.minimum(zenith_angle(scene), 1.0)
+        shift = p[0] * (t if branch.value == "rim" else np.sin(np.pi * t))
+        outward = np.stack([v[:, 0], v[:, 1], 0.0 * t], axis=1)
+        outward = outward - np.sum(outward * v, axis=1, keepdims=True) * v
+        size = np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
+        moved = v + np.radians(shift)[:, None] * outward / size
         moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
         return seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""
-        if branch.value == "centre":
-            return f"The picture's centre is not the zenith: it lies {np.hypot(p[0], p[1]):.1f}° beside it."
         return (
             f"The lens maps directions up to {abs(p[0]):.1f}° "
             f"{'outwards' if p[0] > 0 else 'inwards'} of the assumed projection."

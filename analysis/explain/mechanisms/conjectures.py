@@ -11,7 +11,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
-from analysis.explain.mechanisms.turned_camera import TurnedCamera
+from analysis.explain.mechanisms.turned_camera import TiltedCamera, TurnedCamera
 from analysis.explain.mechanisms.weathered import Dew, Warming
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
@@ -203,6 +203,7 @@ CONJECTURES: tuple[Mechanism, ...] = (
     Sluggish(),
     Shaded(),
     TurnedCamera(),
+    TiltedCamera(),
     Warming(),
     Dew(),
 )
