@@ -47,3 +47,13 @@ def by_time(r: Readings, rows: NDArray[np.int64]) -> Floats:
     t = r.utc_ns[rows] / 6e10 if r.has_times else 5.0 * np.arange(len(rows))
     apart = np.abs(t[:, None] - t[None, :])
     return np.asarray(0.6 * np.exp(-apart / 30.0) + 0.4 * np.exp(-apart / 120.0))
+
+
+def smooth_along(x: Floats, width: float) -> Floats:
+    """Smooth functions of a coordinate (N,), which change over ``width``; their independent sum has unit variance.
+
+    Shape (N, K).
+    """
+    nodes = np.arange(x.min() - width, x.max() + 1.8 * width, 0.8 * width)
+    bumps = np.exp(-2.0 * ((x[:, None] - nodes) / width) ** 2)
+    return np.asarray(bumps / np.sqrt(np.sum(bumps**2, axis=1, keepdims=True)))

@@ -42,11 +42,12 @@ class Usual:
     restless: float = (
         0.0  # further gain of a test, growing with the scatter: two instruments never look at the same time
     )
+    wander: float = 0.0  # the same, growing with the shape: what wanders within a day does so from test to test
 
 
 USUAL: Final = {
     GONIOMETER: Usual(0.018, 0.011, 0.005, GAIN_OF_TESTS, 0.04),
-    ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0),
+    ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0, wander=0.003),
     SKY: Usual(0.0, 0.012, 0.005, 0.012, 0.0, 0.010),  # what tests have in common: see sky_error
 }
 
@@ -119,13 +120,22 @@ class Nuisance:
         Relative change of the prediction per degree: a steep place is scattered by errors of direction.
     alone : shape (N,)
         Relative standard deviations by which readings that stand alone err by themselves.
+    further : shape (N, K)
+        More effects, of the size that they usually have.
     """
 
-    def __init__(self, readings: Readings, lens_error: Floats, steepness: Floats, alone: Floats | None = None) -> None:
+    def __init__(
+        self,
+        readings: Readings,
+        lens_error: Floats,
+        steepness: Floats,
+        alone: Floats | None = None,
+        further: Floats | None = None,
+    ) -> None:
         self.readings = readings
         self.blocks = blocks_of(readings)
         fixed = self._sensor_gains(), split_errors(readings), scale_error(readings), mount_errors(readings)
-        self._gains = np.concatenate(fixed, axis=1)
+        self._gains = np.concatenate(fixed if further is None else (*fixed, further), axis=1)
         self._lens_error = lens_error
         self._jitter = POINTING_DEG * steepness
         self._alone = np.zeros(len(readings)) if alone is None else alone
@@ -145,6 +155,8 @@ class Nuisance:
         """Covariance (n, n) of one block."""
         usual, r = USUAL[block.kind], self.readings
         c = hyper.shape**2 * block.shapes + block.levels
+        if usual.wander:
+            c += (hyper.shape * usual.wander) ** 2 * block.same_test * block.loud
         if usual.restless:
             c += (hyper.scatter * usual.restless) ** 2 * block.same_test * block.loud
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2 + self._alone[block.rows] ** 2

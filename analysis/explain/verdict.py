@@ -56,7 +56,7 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
-    _probabilities(found)
+    _probabilities(found, few)
     if found.best.ids and min(found.probability.values()) < found.sure:
         found.verdict = "unexplained"
 
@@ -192,7 +192,7 @@ def _takes_the_rest(found: Conclusion) -> bool:
     return any(ids < set(key) and evidence > found.best.evidence for key, evidence in found.considered)
 
 
-def _probabilities(found: Conclusion) -> None:
+def _probabilities(found: Conclusion, few: float) -> None:
     """Of the first name beside its best rival; of further names as they were accepted.
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
@@ -202,7 +202,7 @@ def _probabilities(found: Conclusion) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
-    nothing = ((EVEN if found.one_instrument else 0.0) - top) / nats
+    nothing = ((few * EVEN if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against

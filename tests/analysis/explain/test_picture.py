@@ -9,28 +9,29 @@ from analysis.explain.answer import answer
 from analysis.explain.hypers import OF_THE_SKY, lattice_of
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
+from analysis.explain.pointing_error import pointing_errors
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
-from analysis.explain.sky_error import USUAL, sky_error_effects
-from tests.analysis.explain.campaign import Floats
+from analysis.explain.sky_error import USUAL, flat_field, of_a_model
+from tests.analysis.explain.campaign import Floats, Sky
 from tests.analysis.explain.roof import SKY_TESTS, luminance, picture_points, sky_case, sun_distance, sun_of
 
 ZENITH, ROUND = picture_points()
 
 
-def seen(change: Floats, seed: int = 3) -> Floats:
-    """What the camera reads with a relative ``change`` (160,), one per cent of gain a test and one of noise."""
+def seen(change: Floats, seed: int = 3, noise: float = 0.01) -> Floats:
+    """What the camera reads with a relative ``change`` (160,), one per cent of gain a test, and noise."""
     rng = np.random.default_rng(seed)
     true = np.concatenate([luminance(t, ZENITH, ROUND) for t in SKY_TESTS])
     gain = np.repeat(1.0 + 0.01 * rng.normal(size=len(SKY_TESTS)), len(ZENITH))
-    return np.asarray(true * (1.0 + change) * gain * (1.0 + 0.01 * rng.normal(size=len(true))))
+    return np.asarray(true * (1.0 + change) * gain * (1.0 + noise * rng.normal(size=len(true))))
 
 
 def test_each_picture_is_a_block_and_the_flat_field_is_shared(tmp_path: Path) -> None:
     scene = Scene(Readings.of(sky_case(tmp_path / "case")))
     assert [len(b.rows) for b in blocks_of(scene.readings)] == [len(ZENITH)] * len(SKY_TESTS)
     assert lattice_of(scene.readings) is OF_THE_SKY
-    effects = sky_error_effects(scene)
+    effects = flat_field(scene)
     covariance = effects @ effects.T
     assert np.sqrt(np.diag(covariance)) == pytest.approx(USUAL, rel=0.02)
     again = covariance[:40, 40:80] / USUAL**2
@@ -71,6 +72,45 @@ def test_a_camera_that_stands_turned_is_no_clock(tmp_path: Path) -> None:
     law = max((u for u in content["unnamed"] if "conjecture" in u), key=lambda u: float(u["nats"]))
     assert law["along"] == "turned camera" and law["nats"] > 10.0
     assert law["size"] == pytest.approx(9.0, abs=3.0), "clockwise"
+
+
+def test_a_sky_model_that_is_smoothly_wrong_is_no_mismatch(tmp_path: Path) -> None:
+    """By two per cent, with the angle from the sun, and with the height: no fall-off, no law of the level."""
+    away = np.concatenate([sun_distance(ZENITH, ROUND, *t.sun) for t in SKY_TESTS])
+    wrong = 0.03 * np.exp(-away / 30.0) - 0.02 * np.tile((ZENITH / 90.0) ** 2, len(SKY_TESTS))
+    content = answer(explain(sky_case(tmp_path / "case", seen(wrong, noise=0.003))))
+    assert content["verdict"] == "no-mismatch"
+
+
+def test_what_a_model_has_wrong_is_no_gain(tmp_path: Path) -> None:
+    effects = of_a_model(Scene(Readings.of(sky_case(tmp_path / "case"))))
+    assert np.abs(effects.mean(axis=0)).max() < 1e-4 < np.abs(effects).max()
+
+
+def tilted(degrees: float, test: Sky) -> Floats:
+    """Relative change of the luminances where the camera's axis leans north by an angle, by rotated vectors."""
+    zenith, azimuth, lean = np.radians(ZENITH), np.radians(ROUND), np.radians(degrees)
+    east, north, up = np.sin(zenith) * np.sin(azimuth), np.sin(zenith) * np.cos(azimuth), np.cos(zenith)
+    north, up = north * np.cos(lean) + up * np.sin(lean), up * np.cos(lean) - north * np.sin(lean)
+    seen_zenith, seen_azimuth = np.degrees(np.arccos(up)), np.degrees(np.arctan2(east, north))
+    return np.asarray(luminance(test, seen_zenith, seen_azimuth) / luminance(test, ZENITH, ROUND) - 1.0)
+
+
+def test_a_tilted_camera_has_no_other_projection(tmp_path: Path) -> None:
+    """Five degrees off the zenith: a law beyond the catalogue."""
+    change = np.concatenate([tilted(5.0, t) for t in SKY_TESTS])
+    content = answer(explain(sky_case(tmp_path / "case", seen(change))))
+    assert content["verdict"] == "unexplained" and not content["mechanisms"]
+    law = max((u for u in content["unnamed"] if "conjecture" in u), key=lambda u: float(u["nats"]))
+    assert law["along"] == "tilted camera"
+    assert law["size"] == pytest.approx(5.0, abs=1.5), "towards north"
+
+
+def test_pointing_is_what_a_lean_changes(tmp_path: Path) -> None:
+    effects = pointing_errors(Scene(Readings.of(sky_case(tmp_path / "case"))))
+    wanted = np.concatenate([tilted(0.15, t) for t in SKY_TESTS])
+    assert np.corrcoef(effects[:, 0], wanted)[0, 1] > 0.9
+    assert np.linalg.norm(effects[:, 0]) == pytest.approx(np.linalg.norm(wanted), rel=0.25)
 
 
 def test_a_clock_is_no_turned_camera(tmp_path: Path) -> None:

@@ -1,15 +1,24 @@
 """What every roof has wrong: heads that lean a little, and air that is not the air of the prediction."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.cases.model import Floats
-from analysis.explain.air_error import air_error_effects
+from analysis.explain import air_error
+from analysis.explain.air_error import air_error_effects, errors_of_all_days
+from analysis.explain.answer import answer
+from analysis.explain.mismatch import explain
 from analysis.explain.mount_error import LEVEL_DEG, mount_errors
+from analysis.explain.nearness import smooth_along
+from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
+from tests.analysis.explain.roof import roof_case
 from tests.analysis.explain.test_mechanisms import acted
+from tests.analysis.explain.test_roof_series import series
 
 
 def relative(scene: Scene, changed: Floats) -> Floats:
@@ -44,3 +53,49 @@ def test_the_air_of_a_single_day_is_allowed_for(roof: Scene) -> None:
     one = air_error_effects(roof.only(first[roof.readings.test]))
     assert 0 < one.shape[1] < both.shape[1]
     assert np.all(np.any(one != 0.0, axis=0))
+
+
+def left_of(error: Floats, effects: Floats) -> float:
+    """Share (rms) of an error that effects leave over, beside noise of a third of a per cent."""
+    inner = effects.T @ effects + 0.003**2 * np.eye(effects.shape[1])
+    return float(np.linalg.norm(error - effects @ np.linalg.solve(inner, effects.T @ error)) / np.linalg.norm(error))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda height, level: 0.02 * np.exp(-(((height - 25) / 14) ** 2)), lambda height, level: 0.02 * level**2],
+    ids=["the sun's height", "the level"],
+)
+def test_what_is_wrong_alike_on_all_days_is_allowed_for(
+    wrong: Callable[[Floats, Floats], Floats], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=1e-6)))
+    r = scene.readings
+    error = wrong(r.sun_altitude_at_deg, r.simulated / r.simulated.max())
+    alike, by_day = errors_of_all_days(scene), air_error_effects(scene)
+    with_them = left_of(error, np.concatenate([alike, by_day], axis=1))
+    monkeypatch.setattr(air_error, "_AS_THE_DAYS", 0.0)
+    assert with_them < 0.1 and with_them < 0.5 * left_of(error, air_error_effects(scene))
+
+
+def test_what_is_wrong_alike_on_all_days_is_no_gain(roof: Scene) -> None:
+    effects = errors_of_all_days(roof)
+    for channel in (0, 1):
+        rows = np.where(roof.readings.channel == channel, 1.0, 0.0)
+        assert left_of(0.1 * rows, effects) > 0.999
+
+
+def test_a_gain_is_told_beside_all_this(roof: Scene, tmp_path: Path) -> None:
+    rng, r = np.random.default_rng(5), roof.readings
+    read = r.simulated * np.where(r.channel == 0, 1.08, 1.0) * (1.0 + 0.002 * rng.normal(size=len(r)))
+    case = roof_case(tmp_path / "case", {"velux": read[r.channel == 0], "konica": read[r.channel == 1]})
+    (found,) = answer(explain(case))["mechanisms"]
+    assert found["id"] == "meter-gain"
+    assert found["parameters"]["error"]["value"] == pytest.approx(0.08, abs=0.02)
+
+
+def test_smooth_functions_have_unit_variance_and_go_together_nearby() -> None:
+    x = np.linspace(-1.0, 3.0, 50)
+    covariance = (functions := smooth_along(x, 0.6)) @ functions.T
+    assert np.diag(covariance) == pytest.approx(1.0)
+    assert covariance[0, 1] > 0.9 and covariance[0, 30] < 0.01

@@ -197,15 +197,16 @@ def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -
     assert sure[0] < SURE < sure[1]
 
 
-def test_of_one_instrument_little_evidence_is_no_name(picture: Scene) -> None:
-    """Ten nats are what any fault that is not in the catalogue may give to some name of it."""
+@pytest.mark.parametrize(("few", "little", "enough"), [(0.4, 9.0, 20.0), (1.0, 20.0, 40.0)])
+def test_of_one_instrument_little_evidence_is_no_name(picture: Scene, few: float, little: float, enough: float) -> None:
+    """Ten nats are what any fault that is not in the catalogue may give to some name of it; more in many readings."""
     verdicts = {}
-    for gain in (9.0, 20.0):
+    for gain in (little, enough):
         only = _hypothesis(picture, gain, "vignetting")
         found = Conclusion(only, _hypothesis(picture, 0.0), [only], one_instrument=True, nat=TEMPER_ONE)
-        decide(found, 1.0)
+        decide(found, few)
         verdicts[gain] = found.verdict
-    assert verdicts == {9.0: "unexplained", 20.0: "explained"}
+    assert verdicts == {little: "unexplained", enough: "explained"}
 
 
 def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
