@@ -2,7 +2,7 @@
 
 The same of whatever predicts its readings. Near the sun a sky changes by several per cent in a degree, so that in
 hundreds of directions a quarter of a degree is worth hundreds of nats, and passes for the projection of the lens. A
-camera that points much farther off is a conjecture (`analysis.explain.mechanisms.turned_camera`).
+camera that points much farther off is a conjecture (`analysis.explain.mechanisms.misaligned_camera`).
 """
 
 from typing import Final
@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.mechanisms.turned_camera import tilted, turned
 from analysis.explain.scene import Scene
-from analysis.explain.sky_shape import towards
+from analysis.explain.sky_shape import tilted, towards, turned
 
 USUAL_DEG: Final = 0.15
 """Usual error about each of three axes: what a spirit level and a compass leave."""

@@ -139,6 +139,20 @@ def towards(r: Readings) -> Floats:
     return directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg))
 
 
+def tilted(v: Floats, north_deg: float, east_deg: float) -> Floats:
+    """Directions (N, 3) of a camera whose axis leans towards north and east by small angles [deg]."""
+    lean = np.radians(np.array([east_deg, north_deg, 0.0]))
+    moved = v + np.outer(v[:, 2], lean) - np.outer(v @ lean, np.array([0.0, 0.0, 1.0]))
+    return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
+
+
+def turned(v: Floats, degrees: float) -> Floats:
+    """Directions (N, 3) of a camera whose north lies clockwise of north by an angle [deg]."""
+    a = np.radians(degrees)
+    east, north = v[:, 0] * np.cos(a) + v[:, 1] * np.sin(a), v[:, 1] * np.cos(a) - v[:, 0] * np.sin(a)
+    return np.stack([east, north, v[:, 2]], axis=1)
+
+
 def _terms(v: Floats, sun: Floats) -> Floats:
     """Smooth terms that bend a standard sky: by height, and by the distance from the sun; (N, 7)."""
     away = directions.angle_between(v, sun)

@@ -37,19 +37,23 @@ def zenith_angle(scene: Scene) -> Floats:
 
 
 class CameraMechanism(Mechanism):
-    """Base: it needs luminance readings; some need more than one direction."""
+    """Base: it needs luminance readings; some need more than one direction (``wide``).
+
+    Some also need the sky ``between`` those directions, which follows from the sun's place.
+    """
 
     stage = Stage.CAMERA
     kinds = ("sky",)
     wide = False
+    between = False
 
     def why_not(self, scene: Scene) -> str:
-        """Luminance readings, and directions where the effect is one of direction."""
+        """Luminance readings, directions where the effect is one of direction, and the sun where the sky is guessed."""
         if not np.any(scene.is_sky):
             return "there is no luminance reading"
         if self.wide and np.ptp(zenith_angle(scene)[scene.is_sky]) < 0.2:
             return "all luminance readings look in about the same direction from the zenith"
-        return ""
+        return why_no_shape(scene) if self.between else ""
 
 
 class Vignetting(CameraMechanism):
@@ -206,12 +210,8 @@ class ProjectionError(CameraMechanism):
         "(hdr.md section 5)"
     )
     tie_breaker = "a picture of marks at known angles, or of the sun over a day"
-    wide = True
+    wide = between = True
     form_error = 0.25  # between the directions of a picture the sky is only guessed
-
-    def why_not(self, scene: Scene) -> str:
-        """The sky's shape between the directions follows from the sun's place."""
-        return super().why_not(scene) or why_no_shape(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """An error that is largest half way to the rim, or one that grows to the rim."""

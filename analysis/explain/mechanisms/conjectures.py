@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.misaligned_camera import TiltedCamera, TurnedCamera
 from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
-from analysis.explain.mechanisms.turned_camera import TiltedCamera, TurnedCamera
 from analysis.explain.mechanisms.weathered import Dew, Warming
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene

@@ -8,10 +8,10 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch
-from analysis.explain.mechanisms.camera import CameraMechanism, seen, why_no_shape
+from analysis.explain.mechanisms.camera import CameraMechanism, seen
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
-from analysis.explain.sky_shape import towards
+from analysis.explain.sky_shape import tilted, towards, turned
 
 
 class TurnedCamera(CameraMechanism):
@@ -23,12 +23,8 @@ class TurnedCamera(CameraMechanism):
     needs = "directions and the sun's place"
     source = "L(azimuth + d, zenith angle); the sky between the directions as in sky_shape"
     tie_breaker = "the bearing of a mark on the horizon in one picture"
-    wide = True
+    wide = between = True
     form_error = 0.25  # between the directions of a picture the sky is only guessed
-
-    def why_not(self, scene: Scene) -> str:
-        """The sky's shape between the directions follows from the sun's place."""
-        return super().why_not(scene) or why_no_shape(scene)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Read the sky at the turned direction."""
@@ -47,28 +43,10 @@ class TiltedCamera(CameraMechanism):
     needs = "directions and the sun's place"
     source = "L(direction turned about a horizontal axis); the sky between the directions as in sky_shape"
     tie_breaker = "a spirit level on the lens, or the sun's place in pictures of one day"
-    wide = True
+    wide = between = True
     form_error = 0.25  # between the directions of a picture the sky is only guessed
-
-    def why_not(self, scene: Scene) -> str:
-        """The sky's shape between the directions follows from the sun's place."""
-        return super().why_not(scene) or why_no_shape(scene)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Read the sky where the camera really looks."""
         moved = tilted(towards(scene.readings), p[0], p[1])
         return seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
-
-
-def tilted(v: Floats, north_deg: float, east_deg: float) -> Floats:
-    """Directions (N, 3) of a camera whose axis leans towards north and east by small angles [deg]."""
-    lean = np.radians(np.array([east_deg, north_deg, 0.0]))
-    moved = v + np.outer(v[:, 2], lean) - np.outer(v @ lean, np.array([0.0, 0.0, 1.0]))
-    return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
-
-
-def turned(v: Floats, degrees: float) -> Floats:
-    """Directions (N, 3) of a camera whose north lies clockwise of north by an angle [deg]."""
-    a = np.radians(degrees)
-    east, north = v[:, 0] * np.cos(a) + v[:, 1] * np.sin(a), v[:, 1] * np.cos(a) - v[:, 0] * np.sin(a)
-    return np.stack([east, north, v[:, 2]], axis=1)
