@@ -2,9 +2,9 @@
 
 A clear-sky model supposes some turbidity, and a sky model some clearness; the air of each day is another. Beam and sky
 are off by a factor of their own on each day, and the beam the more, the longer its way through the air: the same in
-all meters. And each meter's prediction is off on all days alike, smoothly in the sun's height and in the level. A
-second meter wanders less, and alike for beam and sky. How much nobody announces: the sizes grow with `Hyper.lens`,
-which has nothing else to do on a roof.
+all meters. A second meter wanders less, and alike for beam and sky. How much nobody announces: the sizes grow with
+`Hyper.lens`, which has nothing else to do on a roof. And each meter's prediction is off on all days alike, smoothly in
+the sun's height and in the level: by a fixed size, of which a share grows so, too.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ OF_THE_AIR = 0.005
 BY_HEIGHT, BY_LEVEL = 0.006, 0.005
 """Usual relative error of a prediction for all days, smooth in the sun's height, and in the level."""
 _AS_THE_DAYS = 0.2
-"""Such a share of these grows with what the days differ by."""
+"""Such a share of these comes on top, times what the days differ by."""
 _WIDTH = 0.6
 """The natural logarithm of the sine of the height, or of the level, over which they change."""
 

@@ -50,9 +50,10 @@ def by_time(r: Readings, rows: NDArray[np.int64]) -> Floats:
 
 
 def smooth_along(x: Floats, width: float) -> Floats:
-    """Smooth functions of a coordinate (N,), which change over ``width``; their independent sum has unit variance.
+    """Smooth functions (N, K) of a coordinate (N,), in its unit as ``width`` is, over which they change.
 
-    Shape (N, K).
+    Gaussian bumps whose independent sum has unit variance: nearly a Gaussian process of that length (Rasmussen and
+    Williams 2006, Gaussian Processes for Machine Learning, ch. 4.2.1).
     """
     nodes = np.arange(x.min() - width, x.max() + 1.8 * width, 0.8 * width)
     bumps = np.exp(-2.0 * ((x[:, None] - nodes) / width) ** 2)
