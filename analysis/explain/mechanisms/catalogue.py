@@ -11,6 +11,7 @@ from analysis.explain.mechanisms import (
     room,
     sensors,
     sun_and_sky,
+    swapped,
     timing,
     well,
 )
@@ -33,7 +34,7 @@ CATALOGUE: tuple[Mechanism, ...] = (
     goniometer.GammaOffset(),
     goniometer.COffset(),
     goniometer.CHandedness(),
-    goniometer.ChannelSwap(),
+    swapped.ChannelSwap(),
     sensors.DarkOffset(),
     sensors.Nonlinearity(),
     sensors.Saturation(),

@@ -1,6 +1,5 @@
 """The goniometer: where its sensors really were."""
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -198,42 +197,3 @@ class CHandedness(Mechanism):
             f"The planes run the other way round (C = 0 lies at {branch.value + p[0]:.0f}°): east "
             "and west are exchanged."
         )
-
-
-class ChannelSwap(Mechanism):
-    """Two sensors are wired crosswise."""
-
-    id = "channel-swap"
-    stage = Stage.GONIOMETER
-    leaves_out = "Two sensors are wired crosswise."
-    source = "records of channel a hold the readings of sensor b and the other way round"
-    tie_breaker = "cover one sensor and see which channel goes dark"
-
-    def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """All pairs of goniometer channels that look at different gammas."""
-        r = scene.readings
-        angle = {int(k): float(np.median(r.gamma_deg[r.channel == k])) for k in np.unique(r.channel[scene.is_gonio])}
-        names = r.case.channels
-        ids = sorted(angle, key=lambda k: angle[k])
-        return tuple(
-            Branch(f"{names[a].id} and {names[b].id}", (a, b, angle[a], angle[b]))
-            for i, a in enumerate(ids)
-            for b in ids[i + 1 :]
-            if not math.isclose(angle[a], angle[b])
-        )
-
-    def why_not(self, scene: Scene) -> str:
-        """One channel cannot be swapped."""
-        return "" if self.branches(scene) else "there are no two channels at different angles"
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Look where the other sensor was."""
-        a, b, angle_a, angle_b = branch.value
-        channel = scene.readings.channel
-        shift = np.where(channel == a, angle_b - angle_a, np.where(channel == b, angle_a - angle_b, 0.0))
-        light.gamma_deg = light.gamma_deg + shift
-        light.moved = True
-
-    def statement(self, p: Floats, branch: Branch) -> str:
-        """Name the two."""
-        return f"The sensors of {branch.label} are wired crosswise."
