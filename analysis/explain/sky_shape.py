@@ -6,6 +6,7 @@ ratios are used.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -123,15 +124,17 @@ class SkyShape:
 
 def _mean_ring(noon: Floats, ring: tuple[float, float, float, float]) -> Floats:
     """ln of the mean of a standard sky's scattering function over the sky, weighted by the cosine; (N,)."""
+    zeniths, place = np.unique(np.round(noon, 2), return_inverse=True)
+    return np.array([_mean_ring_at(float(zenith), *ring) for zenith in zeniths])[place]
+
+
+@lru_cache(maxsize=4096)  # all that there are: 158 zeniths, fifteen skies
+def _mean_ring_at(zenith: float, c: float, d: float, e: float, end: float) -> float:
     from analysis.sky.quadrature import hemisphere_nodes
 
-    c, d, e, end = ring
-    made = {}
-    for zenith in np.unique(np.round(noon, 2)):
-        cosine, away, weight = hemisphere_nodes(float(zenith))
-        value = 1.0 + c * (np.exp(d * away) - end) + e * np.cos(away) ** 2
-        made[float(zenith)] = float(np.log(np.sum(value * cosine * weight) / np.sum(cosine * weight)))
-    return np.array([made[float(z)] for z in np.round(noon, 2)])
+    cosine, away, weight = hemisphere_nodes(zenith)
+    value = 1.0 + c * (np.exp(d * away) - end) + e * np.cos(away) ** 2
+    return float(np.log(np.sum(value * cosine * weight) / np.sum(cosine * weight)))
 
 
 def towards(r: Readings) -> Floats:
