@@ -5,6 +5,7 @@ compared with (its values are ``simulated``); in the second case its errors are 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
@@ -17,17 +18,39 @@ WHITE = 1e6 / 6191.0
 BLUEST = 1e6 / 16000.0
 """Reciprocal colour temperatures [MK^-1] of cloud and of the deep blue of a clear sky."""
 
+_SAME = 2e-3
+"""Predictions that differ by less from what a camera reads (relative) are that reading."""
 
-def camera_is_measured(scene: Scene) -> np.ndarray:
-    """Rows whose reading comes from the camera; on the other luminance rows the prediction does; shape (N,)."""
-    camera = np.array([c.kind == "camera" for c in scene.readings.case.channels])
-    return np.asarray(camera[scene.readings.channel])
+
+def cameras_side(scene: Scene) -> Floats:
+    """Where the camera's errors are, (N,): 1 in a row's reading, -1 in its prediction, 0 in neither.
+
+    The prediction of a luminance meter is taken for the camera's where no camera is among the channels, or where it is
+    what the camera reads.
+    """
+    r = scene.readings
+    camera = np.array([c.kind == "camera" for c in r.case.channels])[r.channel]
+    other = scene.is_sky & ~camera
+    if not np.any(camera):
+        return np.where(other, -1.0, 0.0)
+    return np.where(camera, 1.0, np.where(other & _is_read_by(scene, camera), -1.0, 0.0))
+
+
+def _is_read_by(scene: Scene, camera: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the prediction of each row is what some camera's row of its test reads; (N,)."""
+    r = scene.readings
+    found = np.zeros(len(r), dtype=bool)
+    for k in np.unique(r.test[scene.is_sky & ~camera]):
+        mine, read = (np.flatnonzero((r.test == k) & rows) for rows in (scene.is_sky & ~camera, camera))
+        if len(read):
+            off = np.abs(r.simulated[mine][:, None] / np.maximum(r.measured[read], 1e-9)[None, :] - 1.0)
+            found[mine] = off.min(axis=1) < _SAME
+    return np.full(len(r), np.mean(found[scene.is_sky & ~camera]) > 0.5) if np.any(found) else found
 
 
 def seen(scene: Scene, values: Floats, factor: Floats) -> Floats:
     """Multiply what the camera saw by ``factor`` (or divide, where the camera is the prediction)."""
-    gain = np.where(camera_is_measured(scene), factor, 1.0 / np.maximum(factor, 1e-6))
-    return np.where(scene.is_sky, values * gain, values)
+    return np.asarray(values * np.maximum(factor, 1e-6) ** scene.remember(cameras_side))
 
 
 def zenith_angle(scene: Scene) -> Floats:

@@ -1,10 +1,11 @@
 """Light that a camera's lens scatters: a veil over the picture, or light that is spread about in it."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch
-from analysis.explain.mechanisms.camera import CameraMechanism, camera_is_measured, why_no_shape, zenith_angle
+from analysis.explain.mechanisms.camera import CameraMechanism, cameras_side, why_no_shape, zenith_angle
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
@@ -12,10 +13,14 @@ from labdaq import directions
 
 _EVEN = Parameter("veil", "1", "share of the light that is spread evenly over the sky", 0.0, 0.6, 0.06, (0.01, 0.05))
 _SPREAD = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.12, (0.02, 0.1, 0.25))
+_SUN = Parameter("spread", "1", "share of the light that is spread about", 0.0, 0.6, 0.04, (0.003, 0.02, 0.08))
+_EVENLY = Parameter("evenly", "1", "share of it that goes everywhere alike", 0.0, 1.0, 0.3, (0.2, 0.8), centre=0.5)
 _DIRECTIONS = 6
 """Fewer directions do not show a sky."""
 _CORE_DEG = 10.0
 """Within this angle light is spread evenly, for the directions that were read are as far apart."""
+_LOWEST_DEG = 5.0
+"""The beam of a lower sun is not what its horizontal part says."""
 _OVERHEAD = directions.evenly(3000)[:1500]
 """Directions over the whole sky."""
 
@@ -28,33 +33,62 @@ class VeilingGlare(CameraMechanism):
     parameters = (Parameter("veil", "1", "veil over the mean luminance of the sky", 0.0, 0.6, 0.06, (0.01, 0.05)),)
     source = (
         "L + v <L>, <L> = diffuse illuminance / pi where it is known; or (1-v) L + v (mean over the sky, even or "
-        "weighted by 1/angle² after Stiles and Holladay); Talvala et al. 2007; McCann and Rizzi 2007"
+        "weighted by 1/angle² after Stiles and Holladay), where no disc shades the camera with the sun's light spread "
+        "likewise; Talvala et al. 2007; McCann and Rizzi 2007"
     )
     tie_breaker = "a black target in the picture"
     form_error = 0.25  # how far light is spread is told by no two lenses alike
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A veil; where many directions were read, light that is spread evenly over the sky, or about."""
-        few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
-        if few or np.ptp(zenith_angle(scene)) < 0.2:
-            return (Branch(),)
-        return (Branch() if why_no_shape(scene) else Branch("spread evenly", "even"), Branch("spread about", "spread"))
+        """In the camera, or in the luminance meters themselves."""
+        ways = _ways(scene)
+        if not np.any(_is_meter(scene)):
+            return ways
+        own = (Branch(f"{way.label}{', ' if way.label else ''}in the meter", ("own", *way.value)) for way in ways)
+        return (*ways, *own)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """Light that only goes elsewhere shows less."""
-        return {"": self.parameters, "even": (_EVEN,), "spread": (_SPREAD,)}[branch.value or ""]
+        """Light that only goes elsewhere shows less; the sun's own is much."""
+        alone = {"veil": self.parameters, "even": (_EVEN,), "spread": (_SPREAD,)}
+        return alone.get(branch.value[-1], (_SUN, _EVENLY))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the veil, or spread the light (or take it back)."""
-        sign = np.where(camera_is_measured(scene), 1.0, -1.0)
-        more = scene.remember({"": _mean_luminance, "even": _even, "spread": _spread}[branch.value or ""])
-        return np.where(scene.is_sky, values + sign * p[0] * more, values)
+        side = _is_meter(scene) if branch.value[0] == "own" else scene.remember(cameras_side)
+        lights = [scene.remember(light) for light in _LIGHT[branch.value[-1]]]
+        more = p[1] * lights[0] + (1.0 - p[1]) * lights[1] if len(lights) == 2 else lights[0]
+        return np.asarray(values + side * p[0] * more)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how strong."""
-        if branch.value:
+        if branch.value[-1] != "veil":
             return f"{p[0]:.1%} of the light is {branch.label} over the picture (scattered in the lens)."
         return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
+
+
+def _is_meter(scene: Scene) -> NDArray[np.bool_]:
+    """Rows of luminance meters (N,)."""
+    r = scene.readings
+    return np.asarray(scene.is_sky & np.array([c.kind != "camera" for c in r.case.channels])[r.channel])
+
+
+def _ways(scene: Scene) -> tuple[Branch, ...]:
+    """A veil; where many directions were read, light spread evenly over the sky, or about; the sun's own too."""
+    veil = Branch("", ("veil",))
+    few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
+    sun = bool(np.any(scene.remember(_normal_beam) > 0.0))
+    if few or np.ptp(zenith_angle(scene)) < 0.2:
+        return (veil, Branch("the sun's, spread", ("sun",))) if sun else (veil,)
+    about = Branch("spread about", ("spread",))
+    if why_no_shape(scene):
+        return veil, about
+    if not sun:
+        return Branch("spread evenly", ("even",)), about
+    return (
+        Branch("spread evenly", ("even",)),
+        about,
+        Branch("spread, the sun's too", ("sun and sky",)),
+    )
 
 
 def _spread(scene: Scene) -> Floats:
@@ -88,3 +122,48 @@ def _mean_luminance(scene: Scene) -> Floats:
     n = np.maximum(np.bincount(r.test, weights=scene.is_sky.astype(float), minlength=count), 1.0)
     mean = np.bincount(r.test, weights=rows, minlength=count) / n
     return np.asarray(np.where(np.isfinite(r.diffuse_lx), r.diffuse_lx / np.pi, mean)[r.test])
+
+
+def _normal_beam(scene: Scene) -> Floats:
+    """Illuminance [lx] on a plane that faces the sun, at each luminance reading; zero where it is not known; (N,).
+
+    Through a test it is that of the test's illuminances: a sun that climbs shines on the horizontal more, and on such a
+    plane hardly.
+    """
+    r = scene.readings
+    height = np.sin(np.radians(np.maximum(np.nan_to_num(r.altitude_deg), _LOWEST_DEG)))
+    placed = scene.is_sky & ~np.isnan(r.sun_altitude_at_deg + r.sun_azimuth_at_deg)
+    return np.where(placed, np.nan_to_num(scene.beam_lx / height)[r.test], 0.0)
+
+
+def _sun_evenly(scene: Scene) -> Floats:
+    """Luminance of the whole sky [cd/m²] if the sun's light were spread over it; (N,)."""
+    return scene.remember(_normal_beam) / (2.0 * np.pi)
+
+
+def _sun_about(scene: Scene) -> Floats:
+    """Luminance [cd/m²] of each row's direction if the sun's light were spread with 1/(angle² + core²); (N,)."""
+    r = scene.readings
+    sun = directions.sky_vector(np.nan_to_num(r.sun_altitude_at_deg), np.nan_to_num(r.sun_azimuth_at_deg))
+    rings = np.arange(0.25, 90.0, 0.5)
+    around = 2.0 * np.pi * np.radians(0.5) * np.sum(np.sin(np.radians(rings)) / (rings**2 + _CORE_DEG**2))
+    away = directions.angle_between(towards(r), sun)
+    return np.asarray(scene.remember(_normal_beam) / (away**2 + _CORE_DEG**2) / around)
+
+
+def _sky_and_sun_evenly(scene: Scene) -> Floats:
+    return scene.remember(_even) + scene.remember(_sun_evenly)
+
+
+def _sky_and_sun_about(scene: Scene) -> Floats:
+    return scene.remember(_spread) + scene.remember(_sun_about)
+
+
+_LIGHT = {
+    "veil": (_mean_luminance,),
+    "even": (_even,),
+    "spread": (_spread,),
+    "sun": (_sun_evenly, _sun_about),
+    "sun and sky": (_sky_and_sun_evenly, _sky_and_sun_about),
+}
+"""What is added to each row where all of the light is spread: as far as it goes everywhere, and about its source."""

@@ -285,31 +285,6 @@ def test_blueness_goes_with_the_colour_temperature_that_a_luminance_has(picture:
     assert np.all(made[blueness < 0.0] == 0.0)
 
 
-def test_light_that_is_spread_evenly_gives_all_directions_the_mean_of_the_sky(picture: Scene) -> None:
-    """The true mean is that of the invented sky; the explanation knows forty places of it."""
-    r = picture.readings
-    made = acted(picture, "veiling-glare", "spread evenly", 0.04)
-    cosine, round_deg = (x.ravel() for x in np.meshgrid((np.arange(200) + 0.5) / 200, np.arange(180) * 2.0))
-    for k, test in enumerate(SKY_TESTS):
-        rows = r.test == k
-        mean = float(luminance(test, np.degrees(np.arccos(cosine)), round_deg).mean())
-        assert (made - 0.96 * r.simulated)[rows] == pytest.approx(0.04 * mean, rel=0.05)
-
-
-def test_light_that_is_spread_about_leaves_what_is_bright_for_what_is_dark(picture: Scene) -> None:
-    r = picture.readings
-    change = acted(picture, "veiling-glare", "spread about", 0.2) - r.simulated
-    for k in np.unique(r.test):
-        rows = r.test == k
-        assert change[rows][np.argmax(r.simulated[rows])] < 0.0 < change[rows][np.argmin(r.simulated[rows])]
-        assert abs(change[rows].sum()) < 0.1 * np.abs(change[rows]).sum() + 0.02 * r.simulated[rows].sum()
-
-
-def test_an_even_sky_stays_even_when_its_light_is_spread_about(picture: Scene) -> None:
-    even = dataclasses.replace(picture.readings, simulated=np.full(len(picture.readings), 5000.0))
-    assert acted(Scene(even), "veiling-glare", "spread about", 0.4) == pytest.approx(5000.0)
-
-
 @pytest.mark.parametrize("way", ["", "growing to the rim"])
 def test_a_wrong_projection_reads_the_sky_beside(picture: Scene, way: str) -> None:
     shift = 2.0 * (np.sin(2.0 * np.radians(ZENITH)) if way == "" else ZENITH / 90.0)
