@@ -68,10 +68,10 @@ class MeterTilt(Mechanism):
     leaves_out = "An illuminance meter is not level."
     parameters = (
         Parameter(
-            "tilt_north_deg", "deg", "tilt of the meter's normal towards north", -30.0, 30.0, 3.0, (-3.0, 0.0, 3.0)
+            "tilt_north_deg", "deg", "tilt of the meter's normal towards north", -12.0, 12.0, 3.0, (-3.0, 0.0, 3.0)
         ),
         Parameter(
-            "tilt_east_deg", "deg", "tilt of the meter's normal towards east", -30.0, 30.0, 3.0, (-3.0, 0.0, 3.0)
+            "tilt_east_deg", "deg", "tilt of the meter's normal towards east", -12.0, 12.0, 3.0, (-3.0, 0.0, 3.0)
         ),
     )
     needs = "sun and sky parts apart; sun angles, or site and times"

@@ -6,6 +6,7 @@ from analysis.cases.model import Floats
 from analysis.explain.air_error import air_mass
 from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
+from analysis.explain.mechanisms.camera import cameras_side
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
@@ -108,9 +109,7 @@ class ClockOffset(Mechanism):
         """
         if not np.any(scene.is_sky):
             return values
-        camera = np.array([c.kind == "camera" for c in scene.readings.case.channels])[scene.readings.channel]
-        change = np.where(camera, 1.0, -1.0) * scene.sky_shape.later(float(p[0]))
-        return np.where(scene.is_sky, values * np.exp(change), values)
+        return np.asarray(values * np.exp(scene.remember(cameras_side) * scene.sky_shape.later(float(p[0]))))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
