@@ -17,6 +17,9 @@ EVEN = 40.0
 """Of one instrument, a first name that beats "nothing" by this is as likely wrong as right, in a thousand readings (in
 fewer, a prediction's own error cannot add up to as much). On two other authors' roofs and cameras, of first names that
 gained less than 60 nats 7 of 17 were right, of those that gained more 59 of 66."""
+EVEN_GAIN = 20.0
+"""The same of a gain: what a prediction has wrong smoothly has no gain, and the usual gains of meters cap what one may
+gain."""
 NAME_FIRST_RANDOM = 20.0
 """A first random effect must gain this (unless repeated readings show it): it also leans on a simulation's ripple."""
 NAME_FIRST_LENS = 24.0

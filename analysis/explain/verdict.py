@@ -12,6 +12,7 @@ from analysis.explain.thresholds import (
     APART,
     DOUBLES,
     EVEN,
+    EVEN_GAIN,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_STRONG,
@@ -34,6 +35,8 @@ from analysis.explain.thresholds import (
     UNNAMED,
     UNNAMED_ALONE,
 )
+
+_GAINS = frozenset({"meter-gain", "channel-gain"})
 
 
 def decide(found: Conclusion, few: float) -> None:
@@ -202,7 +205,8 @@ def _probabilities(found: Conclusion, few: float) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
-    nothing = ((few * EVEN if found.one_instrument else 0.0) - top) / nats
+    even = EVEN_GAIN if found.best.first in _GAINS else EVEN
+    nothing = ((few * even if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against
