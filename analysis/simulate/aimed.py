@@ -70,7 +70,7 @@ def trace_aimed(
         part = ready._replace(**{name: getattr(ready, name)[b % 8] for name in ("above", "below", "under", "ring")})
         mine, counts = own(shared), _nothing_counted(system, settings)
         seed = np.uint64((settings.seed * 1_000_003 + b) * 65_537 + 40_503)
-        trace_kernel(part, counts, light, mine, seed, number)
+        trace_kernel(part, counts, light, mine, seed, number, 0, 1)
         return mine.found, counts.balance
 
     threads = settings.threads or len(os.sched_getaffinity(0))

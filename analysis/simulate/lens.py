@@ -135,6 +135,19 @@ def in_parts(table: Table) -> Table:
     return np.ascontiguousarray(table[:, :use].reshape(rows, PARTS, use // PARTS, 3).swapaxes(0, 1))
 
 
+def piece_of(table: Table, number: int, pieces: int, together: int) -> Table:
+    """One of several pieces of a table (rows, samples, 3), for rays that read ``together`` neighbours of a row at once.
+
+    A run of neighbours starts in one piece only, so pieces overlap by ``together - 1`` samples, and rays spread evenly
+    over the pieces read the whole table as evenly as before. A table with fewer starts than pieces is returned whole.
+    """
+    starts = table.shape[1] - together + 1
+    if starts < pieces:
+        return table
+    first, after = starts * number // pieces, starts * (number + 1) // pieces
+    return np.ascontiguousarray(table[:, first : after + together - 1])
+
+
 def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None) -> Table:
     """Scatter of a lens for light of a few directions, shape (n, samples, 3); turned, mirrored, or isotropic as it is.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.simulate.aims import NO_AIMS
 from analysis.simulate.kernels import arrays as k
 from analysis.simulate.kernels.paths import trace as trace_kernel
-from analysis.simulate.lens import LEAST, PARTS, SAMPLES, Sampler
+from analysis.simulate.lens import LEAST, PARTS, SAMPLES, Sampler, piece_of
 from analysis.simulate.model import for_sun, skylight, with_ring
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
@@ -25,6 +25,16 @@ BATCHES: Final = PARTS
 NO_LIMIT: Final = 1 << 40
 ROUND: Final = 4_000_000
 """Rays that single precision sums take before they are added up in double precision."""
+
+PIECES: Final = 16
+"""Pieces in which a batch reads its scatter tables, one after the other.
+
+The tables of a skylight with two prismatic sheets take 17 MB, and most rays waited for memory; a piece of each, 1 to 2
+MB, stays near the processor. More pieces gain nothing: each is copied, and overlaps its neighbour.
+"""
+
+LEAST_PIECE: Final = 2_000
+"""Rays that a piece should serve, lest copying it costs more than it saves."""
 
 
 @dataclass(frozen=True)
@@ -210,13 +220,24 @@ def _batch(ready: k.Skylight, source: Source, counts: k.Counts, use: Settings, b
         flux = source.flux * BATCHES if given else per_ray(source, number * rounds)
         light = k.Light(source.mode, source.side, steps, flux, source.span, source.suns, np.ascontiguousarray(part))
         seed = np.uint64((use.seed * 1_000_003 + b) * 65_537 + r)
-        trace_kernel(ready, counts, light, NO_AIMS, seed, number)
+        _through_pieces(ready, counts, light, seed, number)
         if rounds > 1:
             here = (counts.sharp.astype(np.float64), counts.soft.astype(np.float64))
             sums = here if sums[0] is None else (sums[0] + here[0], sums[1] + here[1])
             counts.sharp[:] = 0.0
             counts.soft[:] = 0.0
     return sums[0], sums[1], counts.balance
+
+
+def _through_pieces(ready: k.Skylight, counts: k.Counts, light: k.Light, seed: np.uint64, number: int) -> None:
+    """Trace rays, every n-th of them through the n-th pieces of the tables."""
+    pieces = max(1, min(PIECES, number // LEAST_PIECE))
+    for n in range(pieces):
+        near: dict[str, Any] = {
+            name: piece_of(getattr(ready, name), n, pieces, counts.split)
+            for name in ("above", "below", "under", "ring")
+        }
+        trace_kernel(ready._replace(**near), counts, light, NO_AIMS, seed, number, n, pieces)
 
 
 def per_ray(source: Source, rays: int) -> Floats:

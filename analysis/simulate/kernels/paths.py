@@ -205,9 +205,12 @@ def uncounted(sky: Skylight, counts: Counts, light: Light, aims: Aims) -> Scene:
 
 
 @kernel
-def trace(sky: Skylight, counts: Counts, light: Light, aims: Aims, seed: np.uint64, count: int) -> None:
-    """Trace ``count`` rays of one batch.
+def trace(
+    sky: Skylight, counts: Counts, light: Light, aims: Aims, seed: np.uint64, count: int, first: int, step: int
+) -> None:
+    """Trace rays ``first``, ``first + step``, and so on of the ``count`` rays of one batch.
 
+    With other parts of the tables for each ``first`` < ``step``, the whole batch is traced through parts of them only.
     Sources are gone through in order, with as many rays each as their probability says (systematic sampling), and the
     places on the cover follow an evenly spread sequence.
     """
@@ -223,7 +226,7 @@ def trace(sky: Skylight, counts: Counts, light: Light, aims: Aims, seed: np.uint
     s5, state = uniform(state)
     s6, state = uniform(state)
     source = ZERO
-    for i in range(count):
+    for i in range(first, count, step):
         key = mix(base + np.uint64(i) * RAY_STEP)
         state = stream(key, ONE)
         pick = even(s6, i, A6)
