@@ -139,7 +139,8 @@ def piece_of(table: Table, number: int, pieces: int, together: int) -> Table:
     """One of several pieces of a table (rows, samples, 3), for rays that read ``together`` neighbours of a row at once.
 
     A run of neighbours starts in one piece only, so pieces overlap by ``together - 1`` samples, and rays spread evenly
-    over the pieces read the whole table as evenly as before. A table with fewer starts than pieces is returned whole.
+    over the pieces read the whole table as evenly as before; rays that read fewer at once meet samples of overlaps more
+    often. A table with fewer starts than pieces is returned whole.
     """
     starts = table.shape[1] - together + 1
     if starts < pieces:
