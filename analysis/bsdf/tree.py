@@ -94,6 +94,42 @@ class Tree:
                 stack += [(level + 1, int(child)) for child in self.branches[node][::-1]]
 
 
+class TreeBuilder:
+    """Collects nodes from the leaves up; each method returns the new node, coded like a child of a `Tree`."""
+
+    def __init__(self, rank: int) -> None:
+        self.rank = rank
+        self._branches: list[list[int]] = []
+        self._leaves: list[float] = []
+
+    def leaf(self, value: float) -> int:
+        """A leaf."""
+        self._leaves.append(value)
+        return -len(self._leaves)
+
+    def branch(self, children: list[int]) -> int:
+        """A node above these."""
+        self._branches.append(children)
+        return len(self._branches) - 1
+
+    def grid(self, values: Floats) -> int:
+        """Nodes for a grid of leaves of 2**k cells in each dimension."""
+        n = values.shape[0]
+        if n == 1:
+            return self.leaf(float(values.ravel()[0]))
+        half = n // 2
+        children = []
+        for number in range(1 << self.rank):
+            part = tuple(slice(half * (number >> i & 1), half * (number >> i & 1) + half) for i in range(self.rank))
+            children.append(self.grid(values[part]))
+        return self.branch(children)
+
+    def tree(self, root: int) -> Tree:
+        """The tree below one of the nodes, which also keeps what is not below it."""
+        branches = np.array(self._branches, dtype=np.int64).reshape(-1, 1 << self.rank)
+        return Tree(self.rank, branches, np.array(self._leaves), root)
+
+
 @compiled
 def _leaves_under(branches: Ints, leaves: Floats, root: int, rank: int, place: Floats) -> Floats:
     """Rows of (edge length, value, lower corner ..), depth first; see `Tree.slice`."""

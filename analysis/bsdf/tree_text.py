@@ -5,39 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analysis.bsdf.tree import Floats, Tree
+from analysis.bsdf.tree import Tree, TreeBuilder
 from labdaq.errors import DataError
 
 _BRACE = re.compile(r"[{}]")
-
-
-class _Builder:
-    """Collects nodes while braces open and close."""
-
-    def __init__(self, rank: int) -> None:
-        self.rank = rank
-        self.branches: list[list[int]] = []
-        self.leaves: list[float] = []
-
-    def leaf(self, value: float) -> int:
-        self.leaves.append(value)
-        return -len(self.leaves)
-
-    def branch(self, children: list[int]) -> int:
-        self.branches.append(children)
-        return len(self.branches) - 1
-
-    def grid(self, values: Floats) -> int:
-        """Nodes for a grid of leaves of 2**k cells in each dimension."""
-        n = values.shape[0]
-        if n == 1:
-            return self.leaf(float(values.ravel()[0]))
-        half = n // 2
-        children = []
-        for number in range(1 << self.rank):
-            part = tuple(slice(half * (number >> i & 1), half * (number >> i & 1) + half) for i in range(self.rank))
-            children.append(self.grid(values[part]))
-        return self.branch(children)
 
 
 def parse_tree(text: str, rank: int, source: str = "tensor tree", first_line: int = 1) -> Tree:
@@ -55,7 +26,7 @@ def parse_tree(text: str, rank: int, source: str = "tensor tree", first_line: in
     DataError
         Braces do not match, or a node holds a wrong number of nodes or values; names the line.
     """
-    builder = _Builder(rank)
+    builder = TreeBuilder(rank)
     stack: list[list[int]] = []
     root: int | None = None
     at = 0
@@ -88,11 +59,10 @@ def parse_tree(text: str, rank: int, source: str = "tensor tree", first_line: in
         raise fail(len(text), "the tree ends within its braces" if stack else "there is no tree")
     if text[at:].strip():
         raise fail(at, "text after the tree")
-    branches = np.array(builder.branches, dtype=np.int64).reshape(-1, 1 << rank)
-    return Tree(rank, branches, np.array(builder.leaves), root)
+    return builder.tree(root)
 
 
-def _grid_node(builder: _Builder, words: list[str], fail, place: int) -> int:  # type: ignore[no-untyped-def]
+def _grid_node(builder: TreeBuilder, words: list[str], fail, place: int) -> int:  # type: ignore[no-untyped-def]
     try:
         values = np.array(words, dtype=np.float64)
     except ValueError:
