@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulate.radiance.lenses import DEPTH, bsdf_file
-from analysis.simulate.radiance.scene import UNITS_PER_M, check, scene_text
+from analysis.simulate.radiance.lenses import DEPTH, bsdf_file, sun_file
+from analysis.simulate.radiance.scene import UNITS_PER_M, check, on_panes, scene_text
 from analysis.simulate.radiance.tools import radiance
 from analysis.simulate.source import Luminance
 from analysis.simulate.system import System
@@ -65,23 +65,59 @@ def contributions(
     check(system)
     with tempfile.TemporaryDirectory(prefix="labdaq-radiance-") as name:
         folder = Path(name)
-        lenses = {p: bsdf_file(getattr(system, p), folder, depth) for p in ("entry", "exit") if _prismatic(system, p)}
+        lenses = _lens_files(system, folder, depth)
         text = scene_text(system, lenses, suns, half_angle_deg, sky_data=not isinstance(sky, int))
-        (folder / "scene.rad").write_text(text)
-        command = ["rcontrib", "-w", "-h", "-fff", "-n", str(processes), "-c", str(per_row), *_PARAMETERS]
         if isinstance(sky, int):
             bins = 144 * sky**2 + 2
-            command += ["-V-", "-e", f"MF:{sky}", "-f", "reinhart.cal", "-bn", str(bins), "-b", "rbin"]
+            wanted = ["-V-", "-e", f"MF:{sky}", "-f", "reinhart.cal", "-bn", str(bins), "-b", "rbin"]
         else:
             (folder / "sky.cal").write_text(_SKY_CAL)
             (folder / "sky.dat").write_text(_sky_data(sky))
-            command += ["-V+", "-bn", "1", "-b", "0"]
-        (folder / "scene.oct").write_bytes(radiance(["oconv", "scene.rad"], b"", folder))
-        command += ["-m", "skyglow"]
+            wanted = ["-V+", "-bn", "1", "-b", "0"]
+        wanted += ["-m", "skyglow"]
         for k in range(len(suns)):
-            command += ["-bn", "1", "-b", "0", "-m", f"sun{k}"]
-        units = rays * np.repeat([UNITS_PER_M, 1.0], 3)
-        out = radiance([*command, "scene.oct"], units.astype(np.float32).tobytes(), folder)
+            wanted += ["-bn", "1", "-b", "0", "-m", f"sun{k}"]
+        return _means(folder, text, wanted, rays, per_row, processes)
+
+
+def sun_contributions(
+    system: System,
+    sun: tuple[float, float, float],
+    half_angle_deg: float,
+    rays: Floats,
+    per_row: int,
+    processes: int = 2,
+    depth: int = DEPTH,
+) -> Floats:
+    """Means of one sun's light alone, through a prismatic cover with the finer cells of `sun_file`; shape (rows,).
+
+    Parameters and errors are those of `contributions`. In trees from which rays to the sky are drawn such cells would
+    make Radiance draw from several times as many tables, more than it keeps. ``-dj 0`` asks for the middle of the sun's
+    disc; else Radiance takes any place in most of the disc, and a part would fall beside the cell.
+    """
+    check(system)
+    with tempfile.TemporaryDirectory(prefix="labdaq-radiance-") as name:
+        folder = Path(name)
+        lenses = _lens_files(system, folder, depth)
+        if toward := on_panes(system, sun):
+            lenses["entry"] = sun_file(system.entry, folder, toward, half_angle_deg, depth)
+        text = scene_text(system, lenses, [sun], half_angle_deg)
+        wanted = ["-dj", "0", "-V+", "-bn", "1", "-b", "0", "-m", "sun0"]
+        return _means(folder, text, wanted, rays, per_row, processes)[:, 0]
+
+
+def _lens_files(system: System, folder: Path, depth: int) -> dict[str, Path]:
+    places = (place for place in ("entry", "exit") if getattr(system, place).kind in ("prismatic", "bsdf"))
+    return {place: bsdf_file(getattr(system, place), folder, depth) for place in places}
+
+
+def _means(folder: Path, scene: str, wanted: list[str], rays: Floats, per_row: int, processes: int) -> Floats:
+    """Run ``rcontrib`` in a folder that holds the scene's files; means as `contributions` returns them."""
+    (folder / "scene.rad").write_text(scene)
+    (folder / "scene.oct").write_bytes(radiance(["oconv", "scene.rad"], b"", folder))
+    command = ["rcontrib", "-w", "-h", "-fff", "-n", str(processes), "-c", str(per_row), *_PARAMETERS, *wanted]
+    units = rays * np.repeat([UNITS_PER_M, 1.0], 3)
+    out = radiance([*command, "scene.oct"], units.astype(np.float32).tobytes(), folder)
     rows = len(rays) // per_row
     return np.frombuffer(out, dtype=np.float32).reshape(rows, -1, 3)[..., 0].astype(np.float64)
 
@@ -95,7 +131,3 @@ def _sky_data(sky: Luminance) -> str:
     values = np.asarray(sky(vectors), dtype=np.float64)
     head = f"2\n0 90 {len(altitude)}\n0 360 {len(azimuth)}\n"
     return head + "\n".join(" ".join(f"{value:.6g}" for value in row) for row in values) + "\n"
-
-
-def _prismatic(system: System, place: str) -> bool:
-    return bool(getattr(system, place).kind in ("prismatic", "bsdf"))

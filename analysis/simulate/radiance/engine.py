@@ -17,7 +17,7 @@ from analysis.photometry import Distribution
 from analysis.simulate.daylight import Daylight
 from analysis.simulate.prediction import Prediction, SunAndSky
 from analysis.simulate.radiance.aperture import aperture_rays
-from analysis.simulate.radiance.contributions import contributions
+from analysis.simulate.radiance.contributions import contributions, sun_contributions
 from analysis.simulate.radiance.lenses import DEPTH
 from analysis.simulate.radiance.scene import sees_sun_directly
 from analysis.simulate.source import SUN_RADIUS_DEG, Luminance, cell_directions
@@ -70,12 +70,9 @@ def radiance_prediction(
     Raises `SimulationError` for what the engine cannot do (haze, soiling, isotropic lenses, spread walls).
     """
     wanted = distance_m if distance_m > 0.0 else 0.0
-    rays = PILOT
+    have = _sky_error(_field(system, daylight, gamma_deg, c_deg, wanted, PILOT, seed, sun=False))
+    rays = PILOT if have <= precision else int(min(MOST_RAYS, PILOT * 1.2 * (have / precision) ** 2))
     found = _field(system, daylight, gamma_deg, c_deg, wanted, rays, seed)
-    have = _sky_error(found)
-    if have > precision:
-        rays = int(min(MOST_RAYS, PILOT * 1.2 * (have / precision) ** 2))
-        found = _field(system, daylight, gamma_deg, c_deg, wanted, rays, seed)
     far = found if wanted == 0.0 else _field(system, daylight, gamma_deg, c_deg, 0.0, rays, seed)
     fields = {wanted: found, 0.0: far}
     if "prismatic" in (system.entry.kind, system.exit.kind):
@@ -126,24 +123,31 @@ def _field(
     rays: int,
     seed: int,
     depth: int = DEPTH,
+    *,
+    sun: bool = True,
 ) -> SunAndSky:
     """One field of a prediction: the sky as it is, and the sun that the scene has; statistical uncertainties."""
     gamma, c = (grid.ravel() for grid in np.meshgrid(gamma_deg, c_deg[:-1]))
     per_part = max(1, rays // PARTS)
     start, weight = aperture_rays(system, gamma, c, distance_m, per_part * PARTS, np.random.default_rng(seed))
     half_angle = sun_half_angle_deg(system)
-    found = contributions(system, _suns([day]), half_angle, start, per_part, day.sky, depth=depth)
+    suns = _suns([day]) if sun else []
+    apart = suns if system.entry.kind == "prismatic" else []
+    found = contributions(system, [] if apart else suns, half_angle, start, per_part, day.sky, depth=depth)
+    for one in apart:
+        column = sun_contributions(system, one, half_angle, start, per_part, depth=depth)
+        found = np.concatenate([found, column[:, None]], axis=1)
     found = found.reshape(len(gamma), PARTS, -1).transpose(1, 0, 2) * weight[:, None]
-    sky, sun = found[..., 0], np.zeros_like(found[..., 0])
-    if found.shape[-1] > 1:
-        sun = found[..., 1] * day.normal_lx / sun_solid_angle(system)
+    of_sky, of_sun = found[..., 0], np.zeros_like(found[..., 0])
+    if suns:
+        of_sun = found[..., 1] * day.normal_lx / sun_solid_angle(system)
         if not sees_sun_directly(system):  # the sky that the cap hides
-            sky = sky + found[..., 1] * float(day.sky(np.array([_unit(day)]))[0])
+            of_sky = of_sky + found[..., 1] * float(day.sky(np.array([_unit(day)]))[0])
     parts: list[Any] = []
-    for values in (sun, sky):
+    for values in (of_sun, of_sky):
         mean = values.mean(axis=0).reshape(len(c_deg) - 1, len(gamma_deg))
         error = (values.std(axis=0, ddof=1) / math.sqrt(PARTS)).reshape(mean.shape)
-        if values is sun and not sees_sun_directly(system):
+        if values is of_sun and not sees_sun_directly(system):
             error = _of_few_hits(mean, error)
         parts += [Distribution.closed(gamma_deg, c_deg[:-1], mean), np.concatenate([error, error[:1]])]
     return SunAndSky(parts[0], parts[2], parts[1], parts[3])

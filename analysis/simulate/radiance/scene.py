@@ -16,6 +16,8 @@ from analysis.simulate.components import Lens, Wall
 from analysis.simulate.system import System
 from labdaq.errors import Problems, SimulationError
 
+Vector = tuple[float, float, float]
+
 _DOME_RINGS, _DOME_SECTORS = 24, 64
 
 UNITS_PER_M: Final = 1000.0
@@ -151,13 +153,36 @@ def _cover(system: System, bsdf: Path | None) -> Iterator[str]:
         flat = [(*_turned(system, x, y), top) for x, y in corners]
         yield polygon("entry", "cover", flat[::-1] if lens.prisms == "down" else flat)
         return
-    for k, (a, b) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True)):
-        normal = np.cross(np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([-a[0], -a[1], system.rise_m]))
+    sides = zip(corners, corners[1:] + corners[:1], _outward(system), strict=True)
+    for k, (a, b, outward) in enumerate(sides):
         name = f"entry{k}"
-        outward = normal / np.linalg.norm(normal)
-        yield lens_material(name, lens, bsdf, _up(system, lens, (outward[0], outward[1], outward[2])))
+        yield lens_material(name, lens, bsdf, _up(system, lens, outward))
         facet = [(*_turned(system, *a), top), (*_turned(system, *b), top), (0.0, 0.0, top + system.rise_m)]
         yield polygon(name, f"cover{k}", facet[::-1] if lens.prisms == "down" else facet)
+
+
+def _outward(system: System) -> list[Vector]:
+    """Normals of the cover's panes before ``rotation_deg`` turns them: of the flat sheet, or of the pyramid's four."""
+    if system.rise_m == 0.0:
+        return [(0.0, 0.0, 1.0)]
+    corners, found = _corners(system), []
+    for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+        normal = np.cross(np.array([b[0] - a[0], b[1] - a[1], 0.0]), np.array([-a[0], -a[1], system.rise_m]))
+        x, y, z = normal / np.linalg.norm(normal)
+        found.append((float(x), float(y), float(z)))
+    return found
+
+
+def on_panes(system: System, toward: Vector) -> list[Vector]:
+    """A direction above the roof in the frames of the cover's panes' BSDFs; only panes that it sees from above."""
+    found = []
+    for normal in _outward(system):
+        (nx, ny, nz), y = _turned3(system, normal), np.array(_up(system, system.entry, normal))
+        z = np.array([nx, ny, nz]) * (-1.0 if system.entry.prisms == "down" else 1.0)
+        if np.dot((nx, ny, nz), toward) > 0.0:
+            a, b, c = (float(axis @ np.array(toward)) for axis in (np.cross(y, z), y, z))
+            found.append((a, b, c))
+    return found
 
 
 def _exit(system: System, bsdf: Path | None) -> Iterator[str]:
@@ -243,6 +268,9 @@ def _up(system: System, lens: Lens, normal: tuple[float, float, float]) -> tuple
     up = math.cos(turn) * np.cross(n, east) - math.sin(turn) * east
     if lens.kind == "bsdf" and lens.prisms == "down":  # the front is up: y looks south
         up = -up
-    all_ = math.radians(system.rotation_deg)
-    c, s = math.cos(all_), math.sin(all_)
-    return c * up[0] - s * up[1], s * up[0] + c * up[1], up[2]
+    return _turned3(system, (up[0], up[1], up[2]))
+
+
+def _turned3(system: System, v: Vector) -> Vector:
+    x, y = _turned(system, v[0], v[1])
+    return x, y, v[2]
