@@ -15,6 +15,13 @@ from analysis.bsdf.model import Component, Floats, Incidence, Tracer, component_
 from analysis.bsdf.tally import BATCH
 from analysis.bsdf.tree import Tree, TreeBuilder
 
+FINE = 0.1
+"""Part of the directions in which a tree keeps its finest cells: the images of a prismatic sheet's facets.
+
+Radiance makes a table for each cell of rays' directions and looks for it in a list: all cells fine, it takes twice as
+long. It passes over directions whose cell is less than an eighth of the ray's own; of half the width it is a quarter.
+"""
+
 
 def beam_trees(
     tracer: Tracer,
@@ -39,7 +46,8 @@ def beam_trees(
     half_angle_deg
         A beam is the light of an even disc of this half angle.
     depth
-        All cells that are not zero have edges of 2**-depth of the square.
+        The finest cells have edges of 2**-depth of the square. Where a beam's light varies little from one outgoing
+        cell to the next, cells are twice as wide; see `with_beam`.
     rays
         To trace for each beam.
 
@@ -78,16 +86,20 @@ def beam_values(
 
 
 def with_beam(tree: Tree, cell: NDArray[np.intp], values: Floats, *, outgoing: bool = False) -> Tree:
-    """A tree of rank 4 with new values where one side's direction lies in one finest cell.
+    """A tree of rank 4 with new values where one side's direction lies in one finest cell, or in a cell about it.
 
     Parameters
     ----------
     cell : shape (2,)
         Place of this cell of incident directions, or of ``outgoing`` ones.
     values : shape (2**depth, 2**depth)
-        For all cells of the other side.
+        For all cells of the other side. Of blocks of 2 x 2, `FINE` of all, those that vary most, stay apart; the others
+        get their mean, in the cell of twice the width.
     """
     builder, depth = TreeBuilder(4), len(values).bit_length() - 1
+    blocks = values.reshape(len(values) // 2, 2, len(values) // 2, 2)
+    mean, span = blocks.mean(axis=(1, 3)), np.ptp(blocks, axis=(1, 3))
+    apart = span > np.quantile(span, 1.0 - FINE)
     here, there = (2, 0) if outgoing else (0, 2)  # dimensions, which are bits of a branch's number
     wanted = [int(cell[0]) >> k & 1 | (int(cell[1]) >> k & 1) << 1 for k in range(depth)]
 
@@ -99,6 +111,8 @@ def with_beam(tree: Tree, cell: NDArray[np.intp], values: Floats, *, outgoing: b
     def visited(node: int, below: int, i: int, j: int) -> int:
         if below == 0:
             return builder.leaf(float(values[i, j]))
+        if below == 1 and not apart[i, j]:
+            return builder.leaf(float(mean[i, j]))
         children = []
         for number, child in enumerate(tree.branches[node].tolist() if node >= 0 else [node] * 16):
             if number >> here & 3 == wanted[below - 1]:

@@ -58,7 +58,7 @@ def sun_file(lens: Lens, folder: Path, toward: list[Vector], half_angle_deg: flo
 
     Radiance asks for the sun's light by the cell that holds the middle of its disc, at several directions about the
     ray's own (`direct_specular_OK` of its ``m_bsdf.c``), and leaves out such as have a cell of less than an eighth of
-    the ray's own. Here all cells of the sun's are of one size, so none is left out.
+    the ray's own. Here neighbours differ by no more than twice the width, so none is left out.
     """
     here = folder / "sun.xml"
     here.write_bytes(_for_sun(lens, tuple(toward), half_angle_deg, depth))

@@ -1,10 +1,10 @@
 """Both engines under the suns of the report's twelve validation tests, in all directions of the arm.
 
-    python3 -m tests.analysis.simulate.twelve_suns [SYSTEM ...]
+    python3 -m tests.analysis.simulate.twelve_suns [SYSTEM ...] [TEST ...]
 
-prints, for each test with its own system, or with each of these, how Radiance's sun and sky parts compare with the
-tracer's at 2.6 m: their fluxes, the deviation of single directions over both engines' stated uncertainties, and the
-share of directions within two of them.
+prints, for each test or these, with its own system or with each of these (`top box tube` are all 36 pairs), how
+Radiance's sun and sky parts compare with the tracer's at 2.6 m: their fluxes, the deviation of single directions over
+both engines' stated uncertainties, and the share of directions within two of them.
 """
 
 import sys
@@ -89,9 +89,11 @@ def agreement(ours: SunAndSky, theirs: SunAndSky, part: str) -> Agreement:
 
 def main() -> None:
     """Print a table."""
+    tests = [int(word) for word in sys.argv[1:] if word.isdigit()]
+    systems = [word for word in sys.argv[1:] if not word.isdigit()]
     print("system test  sun alt  part  flux (uncertainty)  off  within 2   stated  largest")
-    for number in VALIDATION:
-        for system in sys.argv[1:] or [TESTS[number].system]:
+    for number in tests or VALIDATION:
+        for system in systems or [TESTS[number].system]:
             for part, a in compared(system, number).items():
                 altitude = day_of(number).sun_altitude_deg
                 flux = f"{a.flux - 1.0:+7.1%} ({a.flux_uncertainty:5.1%})"
