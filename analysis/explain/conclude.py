@@ -176,11 +176,12 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
+    (new,) = set(best.ids) - set(base.ids)
+    began = any(t.tests is not None for t in best.fit.terms if t.mechanism.id == new)  # the likest of hundreds
     usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
-    needed = NAME_SECOND_RANDOM if random else NAME_SECOND_LENS if _like_a_lens(best, base) else usual
+    needed = NAME_SECOND_RANDOM if random or began else NAME_SECOND_LENS if _like_a_lens(best, base) else usual
     needed += max(misfit(h, found.nothing) for h in (base, found.best))
     needed += HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0) if random else 0.0
-    (new,) = set(best.ids) - set(base.ids)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:

@@ -36,7 +36,8 @@ NAME_SECOND_BELOW = 24.0
 NAME_SECOND_LENS = 32.0
 """The same for what looks like a lens simulated a little wrong."""
 NAME_SECOND_RANDOM = 60.0
-"""The same for a random effect, which can lean on whatever another form has left."""
+"""The same for a random effect, which can lean on whatever another form has left, and for a meter's state that began
+in some test."""
 UNNAMED = 20.0
 """Unnamed structure beside a named mechanism must gain this before something is said to be left."""
 UNNAMED_ALONE = 25.0

@@ -48,6 +48,11 @@ def _is_in(scene: Scene, which: str | int) -> NDArray[np.bool_]:
     return np.asarray(r.kind == which if isinstance(which, str) else r.channel == which)
 
 
+def _has_camera(scene: Scene, branch: Branch) -> bool:
+    r = scene.readings
+    return any(r.case.channels[k].kind == "camera" for k in np.unique(r.channel[_acts(scene, branch)]))
+
+
 def _level(scene: Scene, rows: NDArray[np.bool_]) -> float:
     """Geometric middle of the readings that are well above noise."""
     y = scene.readings.measured[rows & (scene.readings.measured > 5 * scene.readings.noise)]
@@ -122,10 +127,15 @@ class Nonlinearity(Mechanism):
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A power, a bend or a step, of one kind of instrument; on the arm also a step that takes its time."""
+        """A power, a bend or a step, of one kind of instrument; on the arm also a step that takes its time.
+
+        A camera has no ranges: what steps there is its exposures.
+        """
         powers = _with_level(scene)
         forms = {"bent": "bent", "ranges": "by ranges", "gradual": "from one response to another"}
-        ways = [(b, form) for form in forms for b in powers if form != "gradual" or b.value == "goniometer"]
+        ways = [(b, "bent") for b in powers]
+        ways += [(b, "ranges") for b in powers if not _has_camera(scene, b)]
+        ways += [(b, "gradual") for b in powers if b.value == "goniometer"]
         return (*powers, *(Branch(f"{b.label}, {forms[form]}", (b.value, form), b.facts) for b, form in ways))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:

@@ -95,14 +95,23 @@ def _sun(moment_ns: Floats) -> tuple[Floats, Floats]:
     return np.asarray(seen.altitude_deg), np.asarray(seen.azimuth_deg)
 
 
-def test_a_clock_half_a_minute_off_shows_under_broken_cloud(tmp_path: Path) -> None:
-    """Ten minutes lie between readings: no formula says what the cloud did in half a minute, its size does."""
+def test_scatter_under_broken_cloud_alone_is_no_clock(tmp_path: Path) -> None:
+    """Ten minutes lie between readings: what the cloud did in 40 s scatters as two places do that are apart."""
     content = answer(explain(series(tmp_path / "case", late_s=40.0)))
-    assert content["verdict"] == "explained"
+    assert content["verdict"] == "unexplained"
+    assert content["mechanisms"] == []
+
+
+def test_a_clock_whose_offset_shows_is_told_with_what_the_cloud_did(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two minutes lie between readings: the series itself tells some of it."""
+    monkeypatch.setattr(sys.modules[__name__], "STEP_S", 120)
+    content = answer(explain(series(tmp_path / "case", late_s=70.0)))
     (first,) = content["mechanisms"]
     assert first["id"] == "clock-offset"
     told = first["parameters"]["offset_min"]
-    assert abs(told["value"] - 40.0 / 60.0) < 2.0 * told["uncertainty"] < 4.0, "neither wrong nor without content"
+    assert abs(told["value"] - 70.0 / 60.0) < 2.0 * told["uncertainty"] < 4.0, "neither wrong nor without content"
 
 
 def test_a_clock_an_hour_off_is_summer_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
