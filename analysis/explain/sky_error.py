@@ -11,6 +11,7 @@ from analysis.cases.model import Floats
 from analysis.explain.nearness import smooth_along
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
+from analysis.explain.sun_light import sun_about
 from labdaq import directions
 
 USUAL = 0.005
@@ -21,6 +22,8 @@ BY_ANGLE, BY_LEVEL = 0.004, 0.003
 """Usual relative error of a model of the sky, as smooth functions of the angle from the sun, of the height of a
 direction and of the sun's; and of the level. (Another author's models were wrong so by 2.5 % rms where nothing was
 left out: errors of the exposures for 400 nats.)"""
+BY_SUN = 0.002
+"""The same of a model's light about the sun, which looks like the sun's light spread in a lens: rms over all rows."""
 WIDTH_DEG = 20.0
 """Over so much of an angle these change; of the level, over a factor of two."""
 
@@ -53,6 +56,9 @@ def of_a_model(scene: Scene) -> Floats:
         height = np.degrees(np.arcsin(np.clip(v[:, 2], -1.0, 1.0)))
         angles = (directions.angle_between(v, sun), height, altitude)
         shares += [BY_ANGLE * smooth_along(x, WIDTH_DEG) for x in angles]
+        about = np.where(scene.is_sky, scene.remember(sun_about) / np.maximum(r.simulated, r.floor), 0.0)
+        size = float(np.sqrt(np.mean(about[scene.is_sky] ** 2)))
+        shares.append(BY_SUN * about[:, None] / max(size, 1e-12))
     functions = np.concatenate(shares, axis=1)
     return np.concatenate(
         [loud * (functions - functions[loud[:, 0] > 0.0].mean(axis=0)) for loud in _channels(scene)], axis=1

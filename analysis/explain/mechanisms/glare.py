@@ -9,6 +9,7 @@ from analysis.explain.mechanisms.camera import CameraMechanism, cameras_side, wh
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import towards
+from analysis.explain.sun_light import CORE_DEG, normal_beam, sun_about, sun_evenly
 from labdaq import directions
 
 _EVEN = Parameter("veil", "1", "share of the light that is spread evenly over the sky", 0.0, 0.6, 0.06, (0.01, 0.05))
@@ -17,10 +18,6 @@ _SUN = Parameter("spread", "1", "share of the light that is spread about", 0.0, 
 _EVENLY = Parameter("evenly", "1", "share of it that goes everywhere alike", 0.0, 1.0, 0.3, (0.2, 0.8), centre=0.5)
 _DIRECTIONS = 6
 """Fewer directions do not show a sky."""
-_CORE_DEG = 10.0
-"""Within this angle light is spread evenly, for the directions that were read are as far apart."""
-_LOWEST_DEG = 5.0
-"""The beam of a lower sun is not what its horizontal part says."""
 _OVERHEAD = directions.evenly(3000)[:1500]
 """Directions over the whole sky."""
 
@@ -76,7 +73,7 @@ def _ways(scene: Scene) -> tuple[Branch, ...]:
     """A veil; where many directions were read, light spread evenly over the sky, or about; the sun's own too."""
     veil = Branch("", ("veil",))
     few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
-    sun = bool(np.any(scene.remember(_normal_beam) > 0.0))
+    sun = bool(np.any(scene.remember(normal_beam) > 0.0))
     if few or np.ptp(zenith_angle(scene)) < 0.2:
         return (veil, Branch("the sun's, spread", ("sun",))) if sun else (veil,)
     about = Branch("spread about", ("spread",))
@@ -99,7 +96,7 @@ def _spread(scene: Scene) -> Floats:
     for k in np.unique(r.test[scene.is_sky]):
         rows = np.flatnonzero((r.test == k) & scene.is_sky)
         angle = np.degrees(np.arccos(np.clip(v[rows] @ v[rows].T, -1.0, 1.0)))
-        weight = 1.0 / (angle**2 + _CORE_DEG**2)
+        weight = 1.0 / (angle**2 + CORE_DEG**2)
         made[rows] = weight @ r.simulated[rows] / weight.sum(axis=1) - r.simulated[rows]
     return made
 
@@ -124,46 +121,19 @@ def _mean_luminance(scene: Scene) -> Floats:
     return np.asarray(np.where(np.isfinite(r.diffuse_lx), r.diffuse_lx / np.pi, mean)[r.test])
 
 
-def _normal_beam(scene: Scene) -> Floats:
-    """Illuminance [lx] on a plane that faces the sun, at each luminance reading; zero where it is not known; (N,).
-
-    Through a test it is that of the test's illuminances: a sun that climbs shines on the horizontal more, and on such a
-    plane hardly.
-    """
-    r = scene.readings
-    height = np.sin(np.radians(np.maximum(np.nan_to_num(r.altitude_deg), _LOWEST_DEG)))
-    placed = scene.is_sky & ~np.isnan(r.sun_altitude_at_deg + r.sun_azimuth_at_deg)
-    return np.where(placed, np.nan_to_num(scene.beam_lx / height)[r.test], 0.0)
-
-
-def _sun_evenly(scene: Scene) -> Floats:
-    """Luminance of the whole sky [cd/m²] if the sun's light were spread over it; (N,)."""
-    return scene.remember(_normal_beam) / (2.0 * np.pi)
-
-
-def _sun_about(scene: Scene) -> Floats:
-    """Luminance [cd/m²] of each row's direction if the sun's light were spread with 1/(angle² + core²); (N,)."""
-    r = scene.readings
-    sun = directions.sky_vector(np.nan_to_num(r.sun_altitude_at_deg), np.nan_to_num(r.sun_azimuth_at_deg))
-    rings = np.arange(0.25, 90.0, 0.5)
-    around = 2.0 * np.pi * np.radians(0.5) * np.sum(np.sin(np.radians(rings)) / (rings**2 + _CORE_DEG**2))
-    away = directions.angle_between(towards(r), sun)
-    return np.asarray(scene.remember(_normal_beam) / (away**2 + _CORE_DEG**2) / around)
-
-
 def _sky_and_sun_evenly(scene: Scene) -> Floats:
-    return scene.remember(_even) + scene.remember(_sun_evenly)
+    return scene.remember(_even) + scene.remember(sun_evenly)
 
 
 def _sky_and_sun_about(scene: Scene) -> Floats:
-    return scene.remember(_spread) + scene.remember(_sun_about)
+    return scene.remember(_spread) + scene.remember(sun_about)
 
 
 _LIGHT = {
     "veil": (_mean_luminance,),
     "even": (_even,),
     "spread": (_spread,),
-    "sun": (_sun_evenly, _sun_about),
+    "sun": (sun_evenly, sun_about),
     "sun and sky": (_sky_and_sun_evenly, _sky_and_sun_about),
 }
 """What is added to each row where all of the light is spread: as far as it goes everywhere, and about its source."""

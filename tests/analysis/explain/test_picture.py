@@ -87,6 +87,20 @@ def test_what_a_model_has_wrong_is_no_gain(tmp_path: Path) -> None:
     assert np.abs(effects.mean(axis=0)).max() < 1e-4 < np.abs(effects).max()
 
 
+def test_what_a_model_misses_about_the_sun_is_allowed_for(tmp_path: Path) -> None:
+    """Light about the sun in proportion to its own, as a lens spreads it: nearly all of it lies in the effects."""
+    scene = Scene(Readings.of(sky_case(tmp_path / "case")))
+    away = np.concatenate([sun_distance(ZENITH, ROUND, *t.sun) for t in SKY_TESTS])
+    facing = [(t.global_lx - t.diffuse_lx) / np.sin(np.radians(t.sun[0])) for t in SKY_TESTS]
+    error = np.repeat(facing, len(ZENITH)) / (away**2 + 100.0) / scene.readings.simulated
+    error *= 0.002 / np.sqrt(np.mean(error**2))
+    error -= error.mean()
+    effects = of_a_model(scene)
+    inner = effects.T @ effects + 1e-4**2 * np.eye(effects.shape[1])
+    left = error - effects @ np.linalg.solve(inner, effects.T @ error)
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(error)
+
+
 def tilted(degrees: float, test: Sky) -> Floats:
     """Relative change of the luminances where the camera's axis leans north by an angle, by rotated vectors."""
     zenith, azimuth, lean = np.radians(ZENITH), np.radians(ROUND), np.radians(degrees)
