@@ -11,12 +11,14 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.cases.read import COLUMNS
 from analysis.explain.conclusion import Unnamed
+from analysis.explain.condense import condensed
 from analysis.explain.fit import Fit
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.mismatch import Explanation
 from analysis.explain.next_measurement import next_measurement
+from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from labdaq.clock import utc_text
 from labdaq.whole_file import write_whole_bytes
@@ -142,7 +144,7 @@ def _unnamed(u: Unnamed) -> dict[str, Any]:
 
 def _fit(e: Explanation) -> dict[str, Any]:
     fit: dict[str, Any] = {
-        "records": len(e.scene.readings),
+        "records": len(e.whole.records) if e.whole is not e.scene.readings.case else len(e.scene.readings),
         "before": {"rms_percent": _round(100 * e.before), "chi2_per_dof": _round(e.chi2_before)},
         "after": {"rms_percent": _round(100 * e.after), "chi2_per_dof": _round(e.chi2_after)},
     }
@@ -178,18 +180,18 @@ def _round(x: float, digits: int = 5) -> float:
 
 def predictions_csv(e: Explanation) -> str:
     """records.csv with ``corrected`` and ``corrected_uncertainty`` (empty where there is no reading)."""
-    r = e.scene.readings
-    corrected = np.full(len(r.case.records), np.nan)
-    sd = np.full(len(r.case.records), np.nan)
-    corrected[r.row] = e.corrected / r.unit_factor
-    sd[r.row] = e.corrected_sd / r.unit_factor
-    return records_csv(e, corrected, sd)
-
-
-def records_csv(e: Explanation, corrected: np.ndarray, sd: np.ndarray) -> str:
-    """The case's records with two columns more, as CSV text."""
-    case = e.scene.readings.case
-    return records_with(case, corrected, sd)
+    r, best = e.scene.readings, e.conclusion.kept.fit
+    corrected, sd = e.corrected, e.corrected_sd
+    if e.whole is not r.case:
+        relative = np.full(len(r.case.records), np.nan)
+        relative[r.row] = sd / np.maximum(np.abs(corrected), 1e-12)
+        scene = Scene(Readings.of(e.whole))
+        r, (_, place) = scene.readings, condensed(e.whole)
+        corrected = predict(scene, best.terms, best.theta)
+        sd = corrected * relative[place[r.row]]
+    columns = np.full((2, len(r.case.records)), np.nan)
+    columns[:, r.row] = corrected / r.unit_factor, sd / r.unit_factor
+    return records_with(r.case, *columns)
 
 
 def records_with(case: Any, corrected: np.ndarray, sd: np.ndarray) -> str:

@@ -93,6 +93,11 @@ class Conclusion:
     shown: set[str] = field(default_factory=set)
 
     @property
+    def kept(self) -> Hypothesis:
+        """What corrects the prediction: what is not named corrects nothing."""
+        return self.best if self.verdict in {"explained", "partly-explained"} else self.nothing
+
+    @property
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return IMITATION_LENS if of_another_lens(self.best) else IMITATION

@@ -11,6 +11,7 @@ from analysis.explain.again import Again, simulated_again
 from analysis.explain.alone import quieted
 from analysis.explain.conclude import conclude
 from analysis.explain.conclusion import Conclusion
+from analysis.explain.condense import condensed
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.forensics import forensics
 from analysis.explain.form_error import form_error
@@ -34,6 +35,8 @@ class Explanation:
 
     Attributes
     ----------
+    scene, whole
+        What was weighed, and the case as it was given; the scene's has fewer records where those of the roof are many.
     shared
         What the simulation gets wrong alike in all tests of a system.
     again
@@ -45,6 +48,7 @@ class Explanation:
     """
 
     scene: Scene
+    whole: Case
     conclusion: Conclusion
     findings: list[str]
     mismatch: list[Mismatch]
@@ -74,6 +78,9 @@ def explain(
 def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], None]) -> Explanation:
     progress("forensics")
     findings = forensics(Readings.of(case))
+    whole, (case, _) = case, condensed(case)
+    if len(case.records) < len(whole.records):
+        findings.append(f"{len(whole.records)} records are weighed as {len(case.records)} means of neighbours in time.")
     scene = scene_of(case, simulator)
     readings = scene.readings
     if scene.sky_part is not None:
@@ -86,8 +93,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     search = quieted(Search(fitter))
     scene, fitter = search.scene, search.fitter
     found = conclude(search)
-    # what is not named corrects nothing
-    kept = found.best if found.verdict in {"explained", "partly-explained"} else found.nothing
+    kept = found.kept
     best = kept.fit
     progress("predicting what was not fitted")
     outside = held_out(scene, best.terms, best.theta, best.hyper)
@@ -102,6 +108,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     dof = max(len(readings) - len(best.theta), 1)
     return Explanation(
         scene=scene,
+        whole=whole,
         conclusion=found,
         findings=findings,
         mismatch=mismatch,
