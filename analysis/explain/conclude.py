@@ -38,7 +38,7 @@ _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 def conclude(search: Search) -> Conclusion:
     """Search, compare, and decide."""
     nothing = search.nothing()
-    found = Conclusion(best=nothing, nothing=nothing, singles=[])
+    found = Conclusion(best=nothing, nothing=nothing, singles=[], readings=len(search.scene.readings))
     found.singles = search.singles() + _wandering_beside(search, found, nothing, ())
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))

@@ -59,6 +59,8 @@ class Conclusion:
         Unnamed structure that still gains beside the best, largest gain first.
     instead
         The same without any named mechanism, where there is one.
+    readings
+        How many were weighed.
     one_instrument
         Whether only a meter or a camera was read, no goniometer.
     nat
@@ -82,6 +84,7 @@ class Conclusion:
     indistinguishable: list[tuple[str, str]] = field(default_factory=list)
     unnamed: list[Unnamed] = field(default_factory=list)
     instead: list[Unnamed] = field(default_factory=list)
+    readings: int = 1000
     one_instrument: bool = False
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()

@@ -13,6 +13,7 @@ from analysis.explain.thresholds import (
     DOUBLES,
     EVEN,
     EVEN_GAIN,
+    EVEN_READINGS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_STRONG,
@@ -59,7 +60,7 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
-    _probabilities(found, few)
+    _probabilities(found)
     if found.best.ids and min(found.probability.values()) < found.sure:
         found.verdict = "unexplained"
 
@@ -195,7 +196,7 @@ def _takes_the_rest(found: Conclusion) -> bool:
     return any(ids < set(key) and evidence > found.best.evidence for key, evidence in found.considered)
 
 
-def _probabilities(found: Conclusion, few: float) -> None:
+def _probabilities(found: Conclusion) -> None:
     """Of the first name beside its best rival; of further names as they were accepted.
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
@@ -206,7 +207,8 @@ def _probabilities(found: Conclusion, few: float) -> None:
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
     even = EVEN_GAIN if found.best.first in _GAINS else EVEN
-    nothing = ((few * even if found.one_instrument else 0.0) - top) / nats
+    even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
+    nothing = ((even if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against

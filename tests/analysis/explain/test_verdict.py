@@ -197,14 +197,17 @@ def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -
     assert sure[0] < SURE < sure[1]
 
 
-@pytest.mark.parametrize(("few", "little", "enough"), [(0.4, 15.0, 25.0), (1.0, 40.0, 60.0)])
-def test_of_one_instrument_little_evidence_is_no_name(picture: Scene, few: float, little: float, enough: float) -> None:
+@pytest.mark.parametrize(("readings", "little", "enough"), [(200, 7.5, 15.0), (1000, 35.0, 50.0), (1600, 50.0, 75.0)])
+def test_of_one_instrument_little_evidence_is_no_name(
+    picture: Scene, readings: int, little: float, enough: float
+) -> None:
     """Ten nats are what any fault that is not in the catalogue may give to some name of it; more in many readings."""
     verdicts = {}
     for gain in (little, enough):
         only = _hypothesis(picture, gain, "vignetting")
         found = Conclusion(only, _hypothesis(picture, 0.0), [only], one_instrument=True, nat=TEMPER_ONE)
-        decide(found, few)
+        found.readings = readings
+        decide(found, 1.0)
         verdicts[gain] = found.verdict
     assert verdicts == {little: "unexplained", enough: "explained"}
 
