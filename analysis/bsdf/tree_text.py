@@ -1,7 +1,7 @@
 """Tensor trees as text: nested braces, as in LBNL files and Radiance's ``bsdf_t.c``."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def parse_tree(text: str, rank: int, source: str = "tensor tree", first_line: in
     return builder.tree(root)
 
 
-def _grid_node(builder: TreeBuilder, words: list[str], fail, place: int) -> int:  # type: ignore[no-untyped-def]
+def _grid_node(builder: TreeBuilder, words: list[str], fail: Callable[[int, str], DataError], place: int) -> int:
     try:
         values = np.array(words, dtype=np.float64)
     except ValueError:

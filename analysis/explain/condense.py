@@ -34,6 +34,8 @@ def condensed(case: Case) -> tuple[Case, Ints]:
     group[~series] = np.arange(alone)
     for rows in _runs(r, np.flatnonzero(series)):
         group[rows] = group.max() + 1 + np.arange(len(rows)) // together
+    if group.max() + 1 == len(r):  # all look in directions of their own
+        return case, whole
     place = np.full(len(whole), -1)
     place[r.row] = group
     return replace(case, records=_averaged(case, r.row, group)), place

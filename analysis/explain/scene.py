@@ -157,6 +157,11 @@ class Scene:
         return np.asarray(self.readings.kind == SKY)
 
     @cached_property
+    def is_camera(self) -> NDArray[np.bool_]:
+        """Those of them that a camera read; shape (N,)."""
+        return np.array([c.kind == "camera" for c in self.readings.case.channels])[self.readings.channel]
+
+    @cached_property
     def knows_image(self) -> bool:
         """Whether the sun part is known apart, and where the sun stood in every test."""
         r = self.readings

@@ -28,24 +28,20 @@ def cameras_side(scene: Scene) -> Floats:
     The prediction of a luminance meter is taken for the camera's where no camera is among the channels, or where it is
     what the camera reads.
     """
-    r = scene.readings
-    camera = np.array([c.kind == "camera" for c in r.case.channels])[r.channel]
-    other = scene.is_sky & ~camera
-    if not np.any(camera):
-        return np.where(other, -1.0, 0.0)
-    return np.where(camera, 1.0, np.where(other & _is_read_by(scene, camera), -1.0, 0.0))
+    meters = scene.is_sky & ~scene.is_camera
+    in_prediction = not np.any(scene.is_camera) or _camera_predicts(scene, meters)
+    return np.where(scene.is_camera, 1.0, np.where(meters, -1.0 if in_prediction else 0.0, 0.0))
 
 
-def _is_read_by(scene: Scene, camera: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the prediction of each row is what some camera's row of its test reads; (N,)."""
+def _camera_predicts(scene: Scene, meters: NDArray[np.bool_]) -> bool:
+    """Whether the predictions of most rows of luminance meters are what some camera's row of their test reads."""
     r = scene.readings
-    found = np.zeros(len(r), dtype=bool)
-    for k in np.unique(r.test[scene.is_sky & ~camera]):
-        mine, read = (np.flatnonzero((r.test == k) & rows) for rows in (scene.is_sky & ~camera, camera))
-        if len(read):
-            off = np.abs(r.simulated[mine][:, None] / np.maximum(r.measured[read], 1e-9)[None, :] - 1.0)
-            found[mine] = off.min(axis=1) < _SAME
-    return np.full(len(r), np.mean(found[scene.is_sky & ~camera]) > 0.5) if np.any(found) else found
+    found: list[bool] = []
+    for k in np.unique(r.test[meters]):
+        mine, read = (np.flatnonzero((r.test == k) & rows) for rows in (meters, scene.is_camera))
+        off = np.abs(r.simulated[mine][:, None] / np.maximum(r.measured[read], 1e-9)[None, :] - 1.0)
+        found += (off.min(axis=1, initial=np.inf) < _SAME).tolist()
+    return bool(found) and float(np.mean(found)) > 0.5
 
 
 def seen(scene: Scene, values: Floats, factor: Floats) -> Floats:
@@ -77,6 +73,22 @@ class CameraMechanism(Mechanism):
         if self.wide and np.ptp(zenith_angle(scene)[scene.is_sky]) < 0.2:
             return "all luminance readings look in about the same direction from the zenith"
         return why_no_shape(scene) if self.between else ""
+
+
+class LooksElsewhere(CameraMechanism):
+    """Base of laws by which a camera looks beside the direction it is thought to look in."""
+
+    needs = "directions and the sun's place"
+    wide = between = True
+    form_error = 0.25  # between the directions of a picture the sky is only guessed
+
+    def true_directions(self, scene: Scene, p: Floats, branch: Branch) -> Floats:
+        """Unit vectors (N, 3) of the directions that the camera really looks in."""
+        raise NotImplementedError
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Read the sky where the camera really looks."""
+        return seen(scene, values, np.exp(scene.sky_shape.beside(self.true_directions(scene, p, branch))))
 
 
 class Vignetting(CameraMechanism):
@@ -219,7 +231,7 @@ class ExposureError(CameraMechanism):
         )
 
 
-class ProjectionError(CameraMechanism):
+class ProjectionError(LooksElsewhere):
     """The lens maps angles otherwise than assumed."""
 
     id = "projection-error"
@@ -227,21 +239,18 @@ class ProjectionError(CameraMechanism):
     parameters = (
         Parameter("shift_deg", "deg", "largest error of the direction, outwards", -12.0, 12.0, 2.0, (-1.0, 1.0)),
     )
-    needs = "directions and the sun's place"
     source = (
         "true zenith angle = assumed + s sin(2 · zenith angle), or + s t; equisolid taken for equidistant: 3.8° "
         "(hdr.md section 5)"
     )
     tie_breaker = "a picture of marks at known angles, or of the sun over a day"
-    wide = between = True
-    form_error = 0.25  # between the directions of a picture the sky is only guessed
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """An error that is largest half way to the rim, or one that grows to the rim."""
         return (Branch("", "half way"), Branch("growing to the rim", "rim"))
 
-    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Read the sky at the shifted direction."""
+    def true_directions(self, scene: Scene, p: Floats, branch: Branch) -> Floats:
+        """Shifted outwards from the zenith."""
         v = towards(scene.readings)
         t = np.minimum(zenith_angle(scene), 1.0)
         shift = p[0] * (t if branch.value == "rim" else np.sin(np.pi * t))
@@ -249,8 +258,7 @@ class ProjectionError(CameraMechanism):
         outward = outward - np.sum(outward * v, axis=1, keepdims=True) * v
         size = np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
         moved = v + np.radians(shift)[:, None] * outward / size
-        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
-        return seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
+        return np.asarray(moved / np.linalg.norm(moved, axis=1, keepdims=True))
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""

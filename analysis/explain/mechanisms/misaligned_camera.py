@@ -4,34 +4,29 @@ A clock moves the sun along its arc, up in the morning and down in the afternoon
 evening; a turned camera turns every picture by the same angle.
 """
 
-import numpy as np
-
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch
-from analysis.explain.mechanisms.camera import CameraMechanism, seen
+from analysis.explain.mechanisms.camera import LooksElsewhere
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import tilted, towards, turned
 
 
-class TurnedCamera(CameraMechanism):
+class TurnedCamera(LooksElsewhere):
     """The picture's north is not north."""
 
     id = "turned camera"
     leaves_out = "The camera stands turned: its north is not north."
     parameters = (Parameter("turn_deg", "deg", "clockwise, of its north", -60.0, 60.0, 4.0, (-8.0, -2.0, 2.0, 8.0)),)
-    needs = "directions and the sun's place"
     source = "L(azimuth + d, zenith angle); the sky between the directions as in sky_shape"
     tie_breaker = "the bearing of a mark on the horizon in one picture"
-    wide = between = True
-    form_error = 0.25  # between the directions of a picture the sky is only guessed
 
-    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Read the sky at the turned direction."""
-        return seen(scene, values, np.exp(scene.sky_shape.beside(turned(towards(scene.readings), p[0]))))
+    def true_directions(self, scene: Scene, p: Floats, branch: Branch) -> Floats:
+        """Turned about the zenith."""
+        return turned(towards(scene.readings), p[0])
 
 
-class TiltedCamera(CameraMechanism):
+class TiltedCamera(LooksElsewhere):
     """The picture's zenith is not the zenith."""
 
     id = "tilted camera"
@@ -40,13 +35,9 @@ class TiltedCamera(CameraMechanism):
         Parameter("tilt_north_deg", "deg", "of the camera's axis towards north", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)),
         Parameter("tilt_east_deg", "deg", "of the camera's axis towards east", -8.0, 8.0, 1.0, (-1.0, 0.0, 1.0)),
     )
-    needs = "directions and the sun's place"
     source = "L(direction turned about a horizontal axis); the sky between the directions as in sky_shape"
     tie_breaker = "a spirit level on the lens, or the sun's place in pictures of one day"
-    wide = between = True
-    form_error = 0.25  # between the directions of a picture the sky is only guessed
 
-    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
-        """Read the sky where the camera really looks."""
-        moved = tilted(towards(scene.readings), p[0], p[1])
-        return seen(scene, values, np.exp(scene.sky_shape.beside(moved)))
+    def true_directions(self, scene: Scene, p: Floats, branch: Branch) -> Floats:
+        """Tilted with the camera's axis."""
+        return tilted(towards(scene.readings), p[0], p[1])

@@ -49,8 +49,7 @@ def _is_in(scene: Scene, which: str | int) -> NDArray[np.bool_]:
 
 
 def _has_camera(scene: Scene, branch: Branch) -> bool:
-    r = scene.readings
-    return any(r.case.channels[k].kind == "camera" for k in np.unique(r.channel[_acts(scene, branch)]))
+    return bool(np.any(scene.is_camera & _acts(scene, branch)))
 
 
 def _level(scene: Scene, rows: NDArray[np.bool_]) -> float:
