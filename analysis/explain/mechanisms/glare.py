@@ -1,7 +1,6 @@
 """Light that a camera's lens scatters: a veil over the picture, or light that is spread about in it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch
@@ -38,54 +37,51 @@ class VeilingGlare(CameraMechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """In the camera, or in the luminance meters themselves."""
-        ways = _ways(scene)
-        if not np.any(_is_meter(scene)):
-            return ways
-        own = (Branch(f"{way.label}{', ' if way.label else ''}in the meter", ("own", *way.value)) for way in ways)
-        return (*ways, *own)
+        ways = [Branch(label, (which, "camera")) for label, which in _lights(scene).items()]
+        if np.any(scene.is_sky & ~scene.is_camera):
+            ways += [Branch(f"{w.label}, in the meter".removeprefix(", "), (w.value[0], "meter")) for w in ways]
+        return tuple(ways)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Light that only goes elsewhere shows less; the sun's own is much."""
         alone = {"veil": self.parameters, "even": (_EVEN,), "spread": (_SPREAD,)}
-        return alone.get(branch.value[-1], (_SUN, _EVENLY))
+        return alone.get(branch.value[0], (_SUN, _EVENLY))
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the veil, or spread the light (or take it back)."""
-        side = _is_meter(scene) if branch.value[0] == "own" else scene.remember(cameras_side)
-        lights = [scene.remember(light) for light in _LIGHT[branch.value[-1]]]
+        which, instrument = branch.value
+        side = scene.remember(cameras_side) if instrument == "camera" else scene.is_sky & ~scene.is_camera
+        lights = [scene.remember(light) for light in _LIGHT[which]]
         more = p[1] * lights[0] + (1.0 - p[1]) * lights[1] if len(lights) == 2 else lights[0]
         return np.asarray(values + side * p[0] * more)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how strong."""
-        if branch.value[-1] != "veil":
-            return f"{p[0]:.1%} of the light is {branch.label} over the picture (scattered in the lens)."
-        return f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture (light scattered in the lens)."
+        which, instrument = branch.value
+        scattered = "scattered in the camera's lens" if instrument == "camera" else "scattered in the luminance meter"
+        told = {
+            "veil": f"A veil of {p[0]:.1%} of the sky's mean luminance lies over the picture",
+            "even": f"{p[0]:.1%} of the light is spread evenly over the sky",
+            "spread": f"{p[0]:.1%} of the light is spread about",
+            "sun": f"{p[0]:.1%} of the sun's light is spread over the sky",
+            "sun and sky": f"{p[0]:.1%} of all light, the sun's too, is spread over the sky",
+        }
+        return f"{told[which]} ({scattered})."
 
 
-def _is_meter(scene: Scene) -> NDArray[np.bool_]:
-    """Rows of luminance meters (N,)."""
-    r = scene.readings
-    return np.asarray(scene.is_sky & np.array([c.kind != "camera" for c in r.case.channels])[r.channel])
+def _lights(scene: Scene) -> dict[str, str]:
+    """Which lights may be spread, by the way's label: where few directions were read a veil, and the sun's light.
 
-
-def _ways(scene: Scene) -> tuple[Branch, ...]:
-    """A veil; where many directions were read, light spread evenly over the sky, or about; the sun's own too."""
-    veil = Branch("", ("veil",))
+    Else those of the sky, evenly or about, and of sun and sky together.
+    """
     few = np.max(np.bincount(scene.readings.test[scene.is_sky])) < _DIRECTIONS
     sun = bool(np.any(scene.remember(normal_beam) > 0.0))
     if few or np.ptp(zenith_angle(scene)) < 0.2:
-        return (veil, Branch("the sun's, spread", ("sun",))) if sun else (veil,)
-    about = Branch("spread about", ("spread",))
+        return {"": "veil", "the sun's, spread": "sun"} if sun else {"": "veil"}
     if why_no_shape(scene):
-        return veil, about
-    if not sun:
-        return Branch("spread evenly", ("even",)), about
-    return (
-        Branch("spread evenly", ("even",)),
-        about,
-        Branch("spread, the sun's too", ("sun and sky",)),
-    )
+        return {"": "veil", "spread about": "spread"}
+    of_sky = {"spread evenly": "even", "spread about": "spread"}
+    return {**of_sky, "spread, the sun's too": "sun and sky"} if sun else of_sky
 
 
 def _spread(scene: Scene) -> Floats:
