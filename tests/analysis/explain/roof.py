@@ -108,15 +108,21 @@ def sky_case(folder: Path, measured: Floats | None = None, kind: str = "camera")
         sun=np.full(n * count, np.nan),
         sky=np.full(n * count, np.nan),
     )
+    setup = sky_setup(("sky",), kind, timedelta(seconds=160))
+    return write_case(folder, setup, records, replace=True)
+
+
+def sky_setup(channels: tuple[str, ...], kind: str, lasting: timedelta) -> CaseFile:
+    """Luminance channels of one ``kind`` under the four skies, each ``lasting`` so long."""
     table = {
         "format": "labdaq-case/1",
         "site": SITE,
-        "channel": [{"id": "sky", "kind": kind, "quantity": "luminance", "unit": "cd/m2"}],
+        "channel": [{"id": n, "kind": kind, "quantity": "luminance", "unit": "cd/m2"} for n in channels],
         "test": [
-            {"id": t.id, "start": t.start, "end": t.start + timedelta(seconds=160), "sky": t.sky,
+            {"id": t.id, "start": t.start, "end": t.start + lasting, "sky": t.sky,
              "sun_altitude_deg": t.sun[0], "sun_azimuth_deg": t.sun[1],
              "global_illuminance_lx": t.global_lx, "diffuse_illuminance_lx": t.diffuse_lx}
             for t in SKY_TESTS
         ],
     }  # fmt: skip
-    return write_case(folder, CaseFile.model_validate(table), records, replace=True)
+    return CaseFile.model_validate(table)

@@ -13,6 +13,7 @@ from analysis.explain.answer import answer, predictions_csv
 from analysis.explain.condense import condensed
 from analysis.explain.mismatch import explain
 from tests.analysis.explain.campaign import NONE, make_case
+from tests.analysis.explain.roof import sky_case
 from tests.analysis.explain.test_roof_series import series
 
 
@@ -48,10 +49,11 @@ def test_neighbours_of_one_test_are_averaged(tmp_path: Path, monkeypatch: pytest
         assert np.count_nonzero(inside) <= np.count_nonzero(np.isnan(records.measured)), "neighbours only"
 
 
-def test_an_arm_is_never_averaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_arm_is_never_averaged_nor_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture's directions are read once in each test."""
     monkeypatch.setattr(condense, "MOST", 30)
-    case = make_case(tmp_path / "case", flaws=NONE)
-    assert condensed(case)[0] is case
+    for case in (make_case(tmp_path / "case", flaws=NONE), sky_case(tmp_path / "sky")):
+        assert condensed(case)[0] is case
 
 
 def test_a_gain_is_found_in_means_and_taken_off_every_reading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from analysis.cases import Case, write_case
-from analysis.cases.model import CaseFile, Records
+from analysis.cases.model import Records
 from analysis.explain.answer import answer
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mismatch import explain
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
-from tests.analysis.explain.campaign import SITE, Floats
-from tests.analysis.explain.roof import SKY_TESTS, luminance, sky_case, sun_of
+from tests.analysis.explain.campaign import Floats
+from tests.analysis.explain.roof import SKY_TESTS, luminance, sky_case, sky_setup, sun_of
 
 ZENITH = np.array([0.0, 45.0, 45.0, 45.0, 45.0])
 AZIMUTH = np.array([0.0, 10.0, 100.0, 190.0, 280.0])
-TUBES = [f"tube{k}" for k in range(5)]
+TUBES = tuple(f"tube{k}" for k in range(5))
 READINGS = 12
 
 
@@ -34,7 +34,7 @@ def predicted() -> Floats:
 
 
 def tubes(folder: Path, measured: Floats, alike: bool = False) -> Case:
-    """Five luminance meters that look one way each, read every five minutes of four hours."""
+    """Five luminance meters that look one way each, read every five minutes of an hour."""
     sky = predicted()
     sky = np.broadcast_to(sky[:, :, :1], sky.shape) if alike else sky
     start = np.array([int(t.start.timestamp()) for t in SKY_TESTS])
@@ -53,18 +53,8 @@ def tubes(folder: Path, measured: Floats, alike: bool = False) -> Case:
         sun=unknown,
         sky=unknown,
     )
-    table = {
-        "format": "labdaq-case/1",
-        "site": SITE,
-        "channel": [{"id": n, "kind": "luminance-meter", "quantity": "luminance", "unit": "cd/m2"} for n in TUBES],
-        "test": [
-            {"id": t.id, "start": t.start, "end": t.start + timedelta(hours=1), "sky": t.sky,
-             "sun_altitude_deg": t.sun[0], "sun_azimuth_deg": t.sun[1],
-             "global_illuminance_lx": t.global_lx, "diffuse_illuminance_lx": t.diffuse_lx}
-            for t in SKY_TESTS
-        ],
-    }  # fmt: skip
-    return write_case(folder, CaseFile.model_validate(table), records, replace=True)
+    setup = sky_setup(TUBES, "luminance-meter", timedelta(hours=1))
+    return write_case(folder, setup, records, replace=True)
 
 
 def read(order: list[int], seed: int = 5) -> Floats:
