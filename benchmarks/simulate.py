@@ -2,7 +2,8 @@
 
     python3 benchmarks/simulate.py [tracer] [radiance] [matrix] [variants]
 
-Prints rays per second, by the clock and per second of processor time (which other programs disturb less); seconds for
+Prints rays per second, by the clock and per second of processor time (which other programs disturb less), each scored
+as one sample where it leaves the last lens, and as the fan that predictions are made with; seconds for
 1 % per direction at the goniophotometer's 145 directions; Radiance's seconds for the same error, extrapolated from a
 run by error² times time; microseconds for a sky through a matrix; seconds for the variants of a case. Scatter tables of
 the lenses are made, or read from the cache, before anything is timed.
@@ -11,6 +12,7 @@ the lenses are made, or read from the cache, before anything is timed.
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -66,14 +68,14 @@ def tracer() -> None:
     for name, system in SYSTEMS.items():
         for source, what in ((sky_source([DAY]), "sky"), (sun_source([DAY]), "sun")):
             assert source is not None
-            for threads in (1, 2):
-                use = Settings(rays=2_000_000, threads=threads, bounces=1)
-                trace(system, source, Settings(rays=8_000, threads=threads, bounces=1))
+            for threads, split in ((1, 1), (2, 1), (2, Settings.split)):
+                use = Settings(rays=2_000_000, threads=threads, bounces=1, split=split)
+                trace(system, source, replace(use, rays=8_000))
                 busy = time.process_time()
                 seconds, _ = timed(lambda s=source, u=use, m=system: trace(m, s, u))  # type: ignore[misc]
                 busy = time.process_time() - busy
                 rates = f"{2.0 / seconds:6.2f} Mrays/s, {2.0 / busy:6.2f} per CPU second"
-                print(f"{name:5} {what}  {threads} thread(s)  {rates}")
+                print(f"{name:5} {what}  {threads} thread(s), {split:2} sample(s) a ray at the last lens  {rates}")
         busy = time.process_time()
         seconds, part = near(name, "tracer", precision=0.01, threads=2)
         busy = time.process_time() - busy
