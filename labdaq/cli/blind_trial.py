@@ -23,6 +23,7 @@ KINDS = ("goniometer", "roof", "camera")
 @click.option("--rays", default=None, type=click.IntRange(1000), help="Rays per sun for skylights not traced yet.")
 @click.option("--no-withheld", is_flag=True, help="Keep no tests back for `labdaq predict`.")
 @click.option("--only-cases", is_flag=True, help="Write cases and truths under --out, and stop.")
+@click.option("--resume", is_flag=True, help="Go on with the same trial under --out: ask only for what has no answer.")
 @click.option("--score", "existing", is_flag=True, help="Score the answers that lie under --out already.")
 @click.option("--json", "as_json", is_flag=True, help="Print the score as JSON.")
 def command(
@@ -37,6 +38,7 @@ def command(
     rays: int | None,
     no_withheld: bool,
     only_cases: bool,
+    resume: bool,
     existing: bool,
     as_json: bool,
 ) -> None:
@@ -54,8 +56,8 @@ def command(
     if not set(chosen) <= set(KINDS):
         raise click.BadParameter(f"kinds are {', '.join(KINDS)}, not {kinds}", param_hint="--kinds")
     if out is None:
-        if only_cases or existing:
-            raise click.UsageError("--only-cases and --score need --out")
+        if only_cases or resume or existing:
+            raise click.UsageError("--only-cases, --resume and --score need --out")
         out = Path(tempfile.mkdtemp(prefix="labdaq-trial-"))
     shares = _shares(contents)
     about: dict[str, object] = {"n": count, "seed": seed, "kinds": list(chosen), "contents": shares, "designs": designs}
@@ -70,8 +72,9 @@ def command(
             for k, name in enumerate(trial.only_cases(orders, workshop)):
                 click.echo(f"{k + 1}/{count} {name}", err=True)
             return
-        found = []
-        for outcome in trial.outcomes(orders, workshop):
+        left = trial.unanswered(orders, workshop.out) if resume else orders
+        found = trial.existing(workshop.out, [order.name for order in orders if order not in left])
+        for outcome in trial.outcomes(left, workshop):
             found.append(outcome)
             click.echo(
                 f"{len(found)}/{count} {outcome.truth.case}: {outcome.verdict}, {outcome.seconds:.1f} s", err=True

@@ -26,6 +26,7 @@ from simulators.trial.made import Made
 from simulators.trial.outcome import Outcome, judge, read_records, withheld_errors
 
 EXPLANATION: Final = "explanation.json"
+FAILED: Final = "failed.txt"
 PREDICTED: Final = "withheld.csv"
 
 GUARD: Final = '''"""Refuse the concealed physics to whoever runs under a blind trial."""
@@ -90,7 +91,7 @@ def run(made: Made, program: Program, out: Path) -> Outcome:
         else:
             kept.mkdir()
         if error:
-            (kept / "failed.txt").write_text(error, encoding="utf-8")
+            (kept / FAILED).write_text(error, encoding="utf-8")
         (kept / "seconds.txt").write_text(f"{seconds:.3f}\n", encoding="utf-8")
     write_folder(out / "cases" / name, made.files)
     if made.withheld:
@@ -106,7 +107,7 @@ def judged(out: Path, name: str) -> Outcome:
     seconds = 0.0
     if (folder / "seconds.txt").is_file():
         seconds = float((folder / "seconds.txt").read_text(encoding="utf-8"))
-    failed = folder / "failed.txt"
+    failed = folder / FAILED
     if failed.is_file():
         return Outcome(truth, "failed", seconds=seconds, error=failed.read_text(encoding="utf-8")[-400:])
     try:

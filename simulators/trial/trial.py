@@ -1,7 +1,7 @@
 """A whole trial: many cases, a few at a time, each made, answered and judged in turn."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -14,7 +14,7 @@ from simulators.trial.generate import make, write_case
 from simulators.trial.made import Order
 from simulators.trial.outcome import Outcome
 from simulators.trial.report import as_json, story
-from simulators.trial.runner import Program, judged, run
+from simulators.trial.runner import EXPLANATION, FAILED, Program, judged, run
 from simulators.trial.shelf import Shelf
 
 
@@ -89,9 +89,20 @@ def _each(work: Callable[[Order, Workshop], T], orders: list[Order], workshop: W
             yield done.result()
 
 
-def existing(out: Path) -> list[Outcome]:
-    """Judge every answer that lies under ``out``."""
-    return [judged(out, path.stem) for path in sorted((out / "truth").glob("*.json"))]
+def unanswered(orders: list[Order], out: Path) -> list[Order]:
+    """Orders of which no answer, good or failed, lies under ``out`` beside the truth, which is written last."""
+
+    def done(name: str) -> bool:
+        answer = out / "answers" / name
+        return (out / "truth" / f"{name}.json").is_file() and any((answer / f).is_file() for f in (EXPLANATION, FAILED))
+
+    return [order for order in orders if not done(order.name)]
+
+
+def existing(out: Path, names: Iterable[str] | None = None) -> list[Outcome]:
+    """Judge every answer that lies under ``out``, or those to the cases of these names."""
+    every = (path.stem for path in sorted((out / "truth").glob("*.json")))
+    return [judged(out, name) for name in (every if names is None else names)]
 
 
 def write_score(found: list[Outcome], out: Path, about: dict[str, object]) -> str:

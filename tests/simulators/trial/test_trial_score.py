@@ -332,8 +332,32 @@ def test_the_command_writes_cases_and_scores_answers(tmp_path: Path) -> None:
     assert "named first" in (out / "trial.txt").read_text()
 
 
+def test_an_interrupted_trial_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, out = CliRunner(), tmp_path / "out"
+    words = ["--n", "3", "--seed", "3", "--kinds", "roof", "--out", str(out)]
+    runner.invoke(command, [*words, "--only-cases"], catch_exceptions=False)
+    answered, failed, left = sorted(p.stem for p in (out / "truth").iterdir())
+    for name, file, text in ((answered, "explanation.json", json.dumps(GOOD)), (failed, "failed.txt", "cannot")):
+        (out / "answers" / name).mkdir(parents=True)
+        (out / "answers" / name / file).write_text(text)
+    asked: list[str] = []
+
+    def outcomes(orders: list[Order], workshop: trial.Workshop) -> list[Outcome]:
+        asked.extend(order.name for order in orders)
+        for name in asked:
+            (workshop.out / "answers" / name).mkdir()
+            (workshop.out / "answers" / name / "explanation.json").write_text(json.dumps(GOOD))
+        return trial.existing(workshop.out, asked)
+
+    monkeypatch.setattr(trial, "outcomes", outcomes)
+    done = runner.invoke(command, [*words, "--resume"], catch_exceptions=False)
+    assert done.exit_code == 0 and asked == [left]
+    assert [case["case"] for case in json.loads((out / "trial.json").read_text())["cases"]] == [answered, failed, left]
+
+
 @pytest.mark.parametrize(
-    "words", [["--kinds", "roof,moon"], ["--contents", "null"], ["--only-cases"], ["--contents", "other=1"]]
+    "words",
+    [["--kinds", "roof,moon"], ["--contents", "null"], ["--only-cases"], ["--resume"], ["--contents", "other=1"]],
 )
 def test_the_command_refuses_what_makes_no_sense(words: list[str]) -> None:
     result = CliRunner().invoke(command, ["--n", "1", *words])
