@@ -1,16 +1,16 @@
 """The numbers of an LM-63 file, and on which line each of them stands.
 
 Numbers are separated by spaces, commas or line ends. A whole file is converted at once; only when something is wrong
-are its lines looked at one by one, so that the message can name the place.
+are its words looked at one by one, so that the message can name the place.
 """
 
 import math
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.photometry.decimals import plain_decimals, words
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -43,24 +43,28 @@ class Numbers:
         self.first_line = first_line
         if b"," in body:
             body = body.replace(b",", comma)
-        self._lines = [line.split() for line in body.splitlines()]
-        tokens = list(chain.from_iterable(self._lines))
-        self.values = _convert(tokens, suspicious=b"_" in body)
-        self.text_after = len(self.values) < len(tokens)
-        self._tokens = tokens
+        self._body = body
+        text = np.frombuffer(body, dtype=np.uint8)
+        self._places, lengths = words(text)
+        plain = plain_decimals(text, self._places, lengths)
+        self.values = _convert(body.split(), suspicious=b"_" in body) if plain is None else plain
+        self.text_after = len(self.values) < len(self._places)
         if not np.isfinite(self.values).all():
             bad = int(np.flatnonzero(~np.isfinite(self.values))[0])
             raise self.error(bad, f"{self.token(bad)!r} is not a finite number")
 
     def token(self, index: int) -> str:
         """The text of number ``index``."""
-        return self._tokens[index].decode("latin-1")
+        return self._body[self._places[index] :].split(maxsplit=1)[0].decode("latin-1")
 
     @cached_property
     def starts(self) -> NDArray[np.intp]:
         """Index of the first number of each line, shape (lines + 1,); the last entry is the count of all."""
-        counts = [len(line) for line in self._lines]
-        return np.concatenate([[0], np.cumsum(counts, dtype=np.intp)]).astype(np.intp)
+        text = np.frombuffer(self._body, dtype=np.uint8)
+        feed, back = text == ord("\n"), text == ord("\r")
+        ends = np.flatnonzero(feed | (back & ~np.concatenate([feed[1:], [False]])))
+        lines = np.concatenate([[0], ends[ends < text.size - 1] + 1])
+        return np.append(np.searchsorted(self._places, lines), self._places.size)
 
     def line(self, index: int) -> int:
         """Line number of number ``index``; the last line that holds a number for an index beyond the end."""
