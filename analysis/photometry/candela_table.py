@@ -3,7 +3,7 @@
 Values lie between blanks, tabs, commas or semicolons; lines that start with ``#`` or ``//`` are comments. Two forms:
 
 * a grid: the first row has a name and the C angles, every other row a gamma and its candelas (or C and gamma the other
-  way round, where the name starts with C or says azimuth);
+  way round, where the name's first word is C or one of its other names, as in ``C\\gamma``);
 * a list: a row of names, then a direction and its candela on each line, in any order, of a complete grid.
 
 Angles are those of type C: gamma from the nadir; C counter-clockwise seen from above (0 north, 90 west). A name that
@@ -59,13 +59,8 @@ def parse_candela_table(text: str, source: str = "candela table") -> Distributio
         c = np.mod(360.0 - c, 360.0)
         order = np.argsort(c)
         c, candela = c[order], candela[order]
-    for name, angles in (("gamma", gamma), ("C", c)):
-        if np.any(np.diff(angles) <= 0.0):
-            raise DataError(f"{source}: the {name} angles do not increase")
     if gamma[0] < 0.0 or gamma[-1] > 180.0 or len(gamma) < 2:
         raise DataError(f"{source}: gamma runs from {gamma[0]:g} to {gamma[-1]:g}, not within 0 and 180")
-    if np.any(candela < 0.0):
-        raise DataError(f"{source}: a candela value is negative")
     try:
         full_c, full, _ = unfold_c(c, candela)
     except UnfoldError as error:
@@ -85,8 +80,11 @@ def _list(lines: list[Line], names: list[str], source: str) -> tuple[Floats, Flo
     for number, words in lines[1:]:
         if len(words) <= max(places):
             raise DataError(f"{source}, line {number}: {len(words)} values, but {len(names)} names")
-        rows.append([_number(words[k], source, number) for k in places])
+        rows.append(
+            [*(_number(words[k], source, number) for k in places[:2]), _candela(words[places[2]], source, number)]
+        )
     values = np.array(rows)
+    _refuse_repeats(values[:, :2], [number for number, _ in lines[1:]], source)
     if not compass and np.any(values[:, 1] == 360.0) and np.any(values[:, 1] == 0.0):
         values = values[values[:, 1] < 360.0]
     elif compass:
@@ -112,20 +110,32 @@ def _grid(lines: list[Line], names: list[str], source: str) -> tuple[Floats, Flo
     for number, row in lines[1:]:
         if len(row) != width:
             raise DataError(f"{source}, line {number}: {len(row)} values, but {width} in the line before")
-        values = [_number(word, source, number) for word in row]
-        down.append(values[0])
-        body.append(values[1:])
+        down.append(_number(row[0], source, number))
+        body.append([_candela(word, source, number) for word in row[1:]])
+        if len(down) > 1 and down[-1] <= down[-2]:
+            raise DataError(f"{source}, line {number}: the angles down do not increase")
     if len(across) != width - 1:
         raise DataError(f"{source}, line {first}: {len(across)} angles for {width - 1} columns")
+    if np.any(np.diff(across) <= 0.0):
+        raise DataError(f"{source}, line {first}: the angles across do not increase")
     compass = "azimuth" in label
     rows, columns, candela = np.array(down), across, np.array(body)
-    if label.startswith("c") or (compass and label.startswith("azimuth")):
+    if label in _C or re.split(r"[^a-z-]+", label)[0] in (*_C, *_COMPASS):
         gamma, c = columns, rows
     else:
         gamma, c, candela = rows, columns, candela.T
     if compass and c[-1] == 360.0 and c[0] == 0.0:
         c, candela = c[:-1], candela[:-1]
     return gamma, c, candela, compass
+
+
+def _refuse_repeats(directions: Floats, numbers: list[int], source: str) -> None:
+    """Refuse a direction (gamma, C) that stands on two lines."""
+    first: dict[tuple[float, float], int] = {}
+    for (gamma, c), number in zip(directions.tolist(), numbers, strict=True):
+        before = first.setdefault((gamma, c), number)
+        if before != number:
+            raise DataError(f"{source}, line {number}: gamma {gamma:g}, C {c:g} again, after line {before}")
 
 
 def _words(line: str) -> list[str]:
@@ -143,4 +153,11 @@ def _number(word: str, source: str, line: int) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise DataError(f"{source}, line {line}: {word!r} is not a number")
+    return value
+
+
+def _candela(word: str, source: str, line: int) -> float:
+    value = _number(word, source, line)
+    if value < 0.0:
+        raise DataError(f"{source}, line {line}: {word} cd, a negative intensity")
     return value

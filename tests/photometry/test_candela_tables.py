@@ -55,6 +55,18 @@ def test_every_form_gives_the_same_distribution(text: str) -> None:
     assert np.allclose(made.candela[:-1], CANDELA, rtol=1e-8)
 
 
+@pytest.mark.parametrize("corner", ["", "x", "cd", "candela", "cd/klm", "gamma", "Gamma\\C", "intensity"])
+def test_only_a_corner_that_says_c_has_c_down(corner: str) -> None:
+    made = parse_candela_table(f"{corner},0,45,90\n0,5,5,5\n45,1,2,3\n90,0,0,0\n")
+    assert made.at(45.0, 90.0) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("corner", ["C", "c_deg", "C-plane", "C\\gamma", "C / gamma", "phi", "Horizontal Angle"])
+def test_a_corner_that_says_c_has_c_down(corner: str) -> None:
+    made = parse_candela_table(f"{corner},0,45,90\n0,5,1,0\n45,5,2,0\n90,5,3,0\n")
+    assert made.at(45.0, 90.0) == pytest.approx(3.0)
+
+
 def test_a_compass_grid_runs_the_other_way() -> None:
     made = parse_candela_table("gamma/azimuth 0 90 180 270\n0 1 1 1 1\n45 10 20 30 40\n")
     assert made.at(45.0, 270.0) == pytest.approx(20.0)  # east
@@ -74,12 +86,15 @@ def test_quarters_and_single_planes_are_unfolded() -> None:
         ("gamma 0 90\n", "no table"),
         ("gamma 0 90 180 270\n0 1 2 3 4\n30 1 2 3\n", "line 3: 4 values"),
         ("gamma 0 90 180 270\n0 1 2 x 4\n30 1 2 3 4\n", "line 2: 'x'"),
-        ("gamma 0 90 180 270\n30 1 2 3 4\n0 1 2 3 4\n", "gamma angles do not increase"),
+        ("gamma 0 90 180 270\n30 1 2 3 4\n0 1 2 3 4\n", "line 3: the angles down do not increase"),
         ("gamma 0 90 180 270\n0 1 2 3 4\n30 1 2 -3 4\n", "negative"),
         ("gamma 0 90 180 270\n0 1 2 nan 4\n30 1 2 3 4\n", "line 2: 'nan'"),
         ("gamma 10 90 180 270\n0 1 2 3 4\n30 1 2 3 4\n", "C-planes must start at 0"),
         ("gamma,c,cd\n0,0,1\n0,90,1\n30,0,1\n", "nothing at gamma 30, C 90"),
         ("gamma,c,cd\n0,0,1\n0,90\n", "line 3: 2 values"),
+        ("gamma 0 90 45 270\n0 1 2 3 4\n30 1 2 3 4\n", "line 1: the angles across do not increase"),
+        ("gamma,c,cd\n0,0,1\n30,0,-2\n", "line 3: -2 cd, a negative intensity"),
+        ("gamma,c,cd\n0,0,1\n30,0,5\n30,0,6\n", "line 4: gamma 30, C 0 again, after line 3"),
     ],
 )
 def test_mistakes_are_named(text: str, says: str) -> None:
