@@ -84,6 +84,8 @@ class _Reader:
         self.lines = [line.decode("latin-1").strip() for line in data.splitlines()]
         while self.lines and self.lines[-1] in ("", "\x1a"):
             self.lines.pop()
+        if not self.lines:
+            raise DataError(f"{source}: the file is empty", "is this an EULUMDAT (.ldt) file?")
         self.at = 0
         self.commas = 0
 
@@ -207,7 +209,13 @@ class _Reader:
                 raise self.error(
                     4, f"with symmetry {symmetry}, C-plane {index + 1} must be {angle:g}, not {c[index]:g}"
                 )
-        return self.numbers(stored * n_g, "intensity").reshape(stored, n_g)
+        first = self.at
+        values = self.numbers(stored * n_g, "intensity")
+        negative = np.flatnonzero(values < 0)
+        if negative.size:
+            line = first + int(negative[0]) + 1
+            self.oddities.append(Oddity(line, f"{negative.size} negative intensity value(s), kept"))
+        return values.reshape(stored, n_g)
 
 
 def _unfold(symmetry: int, c: Floats, table: Floats) -> tuple[Floats, Floats]:

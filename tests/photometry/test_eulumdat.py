@@ -110,13 +110,15 @@ def test_oddities() -> None:
     assert "2 lamp sets" in str(two.oddities[0])
     assert two.flux_lm == 4000
     assert "byte order mark" in str(parse_eulumdat(b"\xef\xbb\xbf" + good).oddities[0])
+    dark = parse_eulumdat(relative(1, "0", [100], i="100\n-1\n0"))
+    assert str(dark.oddities[0]).endswith("1 negative intensity value(s), kept") and dark.oddities[0].line == 48
     assert "not 30 apart" in str(parse_eulumdat(relative(1, "0", [100], dg="30")).oddities[0])
 
 
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (b"", "line 0: the file ends here"),
+        (b"", "the file is empty"),
         (relative(1, "0", [100])[:-3], "line 48: the file ends here, before the intensity"),
         (relative(1, "0", [100]) + b"\r\n7", r"line 50: 1 line\(s\) more than announced"),
         (relative(0, QUARTERS, [1] * 8, sym="9"), "line 3: the symmetry indicator must be"),
