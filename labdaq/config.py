@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Final, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
@@ -30,11 +30,14 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_enum_values=True)
 
+    described_in: ClassVar[str] = "docs/formats.md"
+    """The page that a mistake refers to."""
+
 
 def load(path: Path, model: type[M]) -> M:
     """Read a TOML file as ``model``; raises `ConfigError` listing every mistake with its field."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark in front
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(f"{path}: cannot be read: {reason}", "check the path and its permissions") from error
@@ -64,7 +67,8 @@ def check(data: Mapping[str, Any], model: type[M], source: str) -> M:
                 continue  # pydantic counts the good items only; the bad ones are told already
             for line in _say(detail, model).splitlines():
                 problems.add(_where(detail["loc"], data), line)
-        problems.raise_if_any(ConfigError, f"correct {source} and start again; docs/formats.md describes each field")
+        page = getattr(model, "described_in", Table.described_in)
+        problems.raise_if_any(ConfigError, f"correct {source} and start again; {page} describes each field")
         raise AssertionError("unreachable") from error
 
 

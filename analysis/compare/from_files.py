@@ -50,7 +50,7 @@ def case_from_files(listing: Listing, folder: str | Path = ".") -> Draft:
             except DataError as error:
                 mistakes.append(f"{kind} {k + 1}, test '{test_id}': {error.message}")
     if mistakes:
-        raise DataError("\n".join(mistakes), "files are named relative to the list")
+        raise DataError("\n".join(mistakes), f"files are looked for from {folder.absolute()}")
     return _draft(listing, done, others)
 
 

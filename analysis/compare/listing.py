@@ -69,6 +69,8 @@ class Rival(Table):
 class Listing(Table):
     """A whole list."""
 
+    described_in = "docs/cases.md"
+
     format: Literal["labdaq-comparison/1"]
     title: str = ""
     noise: Noise = Noise()

@@ -203,6 +203,8 @@ class TableOf(Table):
 class Recipe(Table):
     """A whole recipe; site, room, goniometer, simulation, systems and channels are those of a case."""
 
+    described_in = "docs/cases.md"
+
     format: Literal["labdaq-recipe/1"]
     title: str = ""
     site: Site | None = None

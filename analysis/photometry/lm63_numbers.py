@@ -45,8 +45,8 @@ class Numbers:
             body = body.replace(b",", comma)
         self._body = body
         text = np.frombuffer(body, dtype=np.uint8)
-        self._places, lengths = words(text)
-        plain = plain_decimals(text, self._places, lengths)
+        self._places, self._lengths = words(text)
+        plain = plain_decimals(text, self._places, self._lengths)
         self.values = _convert(body.split(), suspicious=b"_" in body) if plain is None else plain
         self.text_after = len(self.values) < len(self._places)
         if not np.isfinite(self.values).all():
@@ -55,7 +55,8 @@ class Numbers:
 
     def token(self, index: int) -> str:
         """The text of number ``index``."""
-        return self._body[self._places[index] :].split(maxsplit=1)[0].decode("latin-1")
+        start = self._places[index]
+        return self._body[start : start + self._lengths[index]].decode("latin-1")
 
     @cached_property
     def starts(self) -> NDArray[np.intp]:
