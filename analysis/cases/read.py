@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -46,7 +47,7 @@ def read_case(folder: str | Path, *, need_measured: bool = True) -> Case:
 def _read_setup(folder: Path) -> CaseFile:
     path = folder / "case.toml"
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise _unreadable(path, error) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -55,8 +56,11 @@ def _read_setup(folder: Path) -> CaseFile:
     try:
         setup = CaseFile.model_validate(table)
     except ValidationError as error:
-        for one in error.errors():
-            problems.add(".".join(str(part) for part in one["loc"]) or "file", one["msg"].removeprefix("Value error, "))
+        found = error.errors()
+        for one in found:
+            if one["type"] == "too_short" and sum(other["loc"][:1] == one["loc"] for other in found) > 1:
+                continue  # pydantic counts the good items only; the bad ones are told already
+            problems.add(_place(one["loc"], table), one["msg"].removeprefix("Value error, "))
         problems.raise_if_any(DataError, _HINT)
         raise
     for what, ids in (
@@ -81,6 +85,16 @@ def _read_setup(folder: Path) -> CaseFile:
             problems.add(f"variant.{k}.simulated", f"there is no test '{unknown}'")
     problems.raise_if_any(DataError, _HINT)
     return setup
+
+
+def _place(loc: tuple[int | str, ...], table: dict[str, Any]) -> str:
+    """Where in case.toml a mistake is, with the id of the table that it is in, if it has one."""
+    if len(loc) > 1 and isinstance(loc[1], int):
+        items = table.get(str(loc[0]))
+        item = items[loc[1]] if isinstance(items, list) and loc[1] < len(items) else None
+        if isinstance(item, dict) and isinstance(item.get("id"), str):
+            return ".".join([f"{loc[0]} '{item['id']}'", *(str(part) for part in loc[2:])])
+    return ".".join(str(part) for part in loc) or "file"
 
 
 def _unreadable(path: Path, error: OSError) -> DataError:

@@ -38,16 +38,20 @@ def test_a_good_case_is_read_as_it_stands(tmp_path: Path) -> None:
 CASE_MISTAKES = {
     "no format": ('format = "labdaq-case/1"', "", ["format"]),
     "another format": ("labdaq-case/1", "labdaq-case/9", ["format", "labdaq-case/1"]),
-    "unit mismatch": ('unit = "fc"', 'unit = "cd"', ["channel.1", "'cd' does not fit illuminance"]),
-    "unknown unit": ('unit = "cd"', 'unit = "lumen"', ["channel.0", "'lumen' does not fit luminous_intensity"]),
+    "unit mismatch": ('unit = "fc"', 'unit = "cd"', ["channel 'roof'", "'cd' does not fit illuminance"]),
+    "unknown unit": (
+        'unit = "cd"',
+        'unit = "lumen"',
+        ["channel 'gonio.g45'", "'lumen' does not fit"],
+    ),
     "channel twice": ('id = "roof"', 'id = "gonio.g45"', ["channel", "'gonio.g45' is given twice"]),
     "test twice": ('id = "T2"', 'id = "T1"', ["test", "'T1' is given twice"]),
     "no .ies": ("simulated/sky.ies", "simulated/sly.ies", ["test 'T1'", "there is no file simulated/sly.ies"]),
-    "a time without zone": ("13:12:00Z", "13:12:00", ["test.0.start", "timezone"]),
-    "no time at all": ("2010-07-22T13:12:00Z", '"noon"', ["test.0.start"]),
+    "a time without zone": ("13:12:00Z", "13:12:00", ["test 'T1'.start", "timezone"]),
+    "no time at all": ("2010-07-22T13:12:00Z", '"noon"', ["test 'T1'.start"]),
     "latitude beyond the pole": ("34.2176", "134.2", ["site.latitude_deg"]),
     "aperture without size": (", size_m = [0.6096, 0.6096]", "", ["aperture", "needs size_m"]),
-    "unknown sky": ('id = "T2"', 'id = "T2"\nsky = "grey"', ["test.1.sky"]),
+    "unknown sky": ('id = "T2"', 'id = "T2"\nsky = "grey"', ["test 'T2'.sky"]),
     "a variant for no test": (
         'id = "T2"',
         'id = "T2"\n[[variant]]\nmechanism = "x"\nsimulated = { T9 = { total = "simulated/sun.ies" } }',
@@ -90,6 +94,18 @@ RECORD_MISTAKES = {
     "no records": (RECORDS.split("\n", 1)[1], "", ["there are no records"]),
     "an empty file": (RECORDS, "", ["the file is empty"]),
 }
+
+
+def test_a_bad_channel_is_told_once(tmp_path: Path) -> None:
+    only = CASE.replace(CASE[CASE.index('[[channel]]\nid = "gonio') : CASE.index('[[channel]]\nid = "roof')], "")
+    message = _refused(tmp_path, case=only.replace('unit = "fc"', 'unit = "cd"'))
+    assert len(message.splitlines()) == 1, "that no channel is left follows from the first mistake"
+
+
+def test_a_mark_in_front_of_the_file_is_no_mistake(tmp_path: Path) -> None:
+    case = small_case(tmp_path)
+    (case / "case.toml").write_text(CASE, encoding="utf-8-sig")
+    assert read_case(case).setup.title == "small"
 
 
 @pytest.mark.parametrize("name", RECORD_MISTAKES)
