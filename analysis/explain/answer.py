@@ -29,18 +29,20 @@ FORMAT = "labdaq-explanation/1"
 def answer(e: Explanation) -> dict[str, Any]:
     """The contract's JSON object, with more keys of our own (docs/explaining.md)."""
     found = e.conclusion
+    agrees = found.verdict == "no-mismatch"
     return {
         "format": FORMAT,
         "title": e.scene.readings.case.setup.title,
         "verdict": found.verdict,
         "findings": e.findings,
-        "mismatch": [_place(m) for m in e.mismatch],
+        "mismatch": [] if agrees else [_place(m) for m in e.mismatch],
+        "noted": [_place(m) for m in e.mismatch] if agrees else [],
         "mechanisms": named(e),
-        "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.alternatives],
+        "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.not_claimed],
         "indistinguishable": [list(pair) for pair in found.indistinguishable],
         "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
         "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
-        "leftover": [_place(m) for m in e.leftover],
+        "leftover": [] if agrees else [_place(m) for m in e.leftover],
         "unnamed": [_unnamed(u) for u in found.unnamed_told],
         "fit": _fit(e),
         "next_measurement": _next(e),
@@ -131,7 +133,7 @@ def _systems_changed(scene: Scene, term: Term, theta: Floats) -> list[str]:
 def _place(m: Mismatch) -> dict[str, Any]:
     return {
         "where": m.region.where,
-        "size_percent": _round(100 * m.size),
+        "size_percent": _round(100 * m.share),
         "p_value": float(f"{m.p_value:.2g}"),
         "statement": m.statement,
     }
@@ -151,6 +153,7 @@ def _fit(e: Explanation) -> dict[str, Any]:
     if e.again is not None:
         left = rms(deviations(e.scene.readings, e.again.predicted))
         fit["simulated_again"] = {"with": list(e.again.ids), "rms_percent": _round(100 * left)}
+    fit["held_out"] = None
     if e.held_out is not None:
         fit["held_out"] = {
             "scheme": e.held_out.scheme,

@@ -29,7 +29,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, doubles, misfit, name_the_sure, share_of
+from analysis.explain.verdict import decide, doubles, misfit, name_the_sure, share_of, share_with_doubles
 
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -42,6 +42,8 @@ def conclude(search: Search) -> Conclusion:
     found.singles = search.singles() + _wandering_beside(search, found, nothing, ())
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
+    if found.one_instrument and np.any(search.scene.is_roof):
+        found.level = float(np.median(nothing.fit.residual[search.scene.is_roof]))
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
@@ -56,6 +58,7 @@ def conclude(search: Search) -> Conclusion:
     decide(found, few)
     if name_the_sure(found):
         _look_for_unnamed(search, found)
+    share_with_doubles(found)
     if found.best.ids:
         _widen(search, found)
     return found

@@ -63,6 +63,9 @@ class Conclusion:
         How many were weighed.
     one_instrument
         Whether only a meter or a camera was read, no goniometer.
+    level
+        What the middle reading of a roof meter has more or less than its prediction, stretched; other instruments'
+        tests have gains of their own.
     nat
         So many nats, times the root of what is gained, count as one.
     unseen
@@ -86,6 +89,7 @@ class Conclusion:
     instead: list[Unnamed] = field(default_factory=list)
     readings: int = 1000
     one_instrument: bool = False
+    level: float = 0.0
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()
     seconds: list[Hypothesis] = field(default_factory=list)
@@ -99,6 +103,14 @@ class Conclusion:
     def kept(self) -> Hypothesis:
         """What corrects the prediction: what is not named corrects nothing."""
         return self.best if self.verdict in {"explained", "partly-explained"} else self.nothing
+
+    @property
+    def not_claimed(self) -> list[tuple[tuple[str, ...], float]]:
+        """What else may be the cause, and how probably; where nothing is claimed, the best set leads the list."""
+        if self.verdict != "unexplained" or not self.best.ids:
+            return self.alternatives
+        leading = (self.best.ids, min(self.probability.values(), default=0.0))
+        return sorted([leading, *self.alternatives], key=lambda item: -item[1])
 
     @property
     def imitation(self) -> float:

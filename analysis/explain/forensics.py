@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import GONIOMETER, ROOF, Readings, dropped, sun_at
 from analysis.explain.scale_error import scale_of
 
@@ -33,7 +34,7 @@ _FEW_LOST, _BY_CHANCE = 4, -6.0
 def forensics(readings: Readings) -> list[str]:
     """All findings, as sentences."""
     case = readings.case
-    found = [*_missing(case), *_stamps(readings), *_suns(readings), *_impossible(readings)]
+    found = [*_unknown(case), *_missing(case), *_stamps(readings), *_suns(readings), *_impossible(readings)]
     found += (scaled := list(_scale(readings)))
     for k, channel in enumerate(case.channels):
         rows = readings.channel == k
@@ -45,6 +46,16 @@ def forensics(readings: Readings) -> list[str]:
     found += _repeats(readings)
     found += _labels(readings)
     return found
+
+
+def _unknown(case: Case) -> Iterator[str]:
+    """Names in case.toml that the catalogue does not have: a variant of such a name says nothing to us."""
+    for k, variant in enumerate(case.setup.variant, 1):
+        if variant.mechanism not in BY_ID:
+            yield f"Variant {k} is of '{variant.mechanism}', which is not in the catalogue: it is not used."
+    for name in case.setup.simulation.includes:
+        if name not in BY_ID:
+            yield f"The prediction is said to include '{name}', which is not in the catalogue."
 
 
 def _missing(case: Case) -> Iterator[str]:

@@ -77,10 +77,10 @@ def _fit_without(
     scene: Scene, terms: tuple[Term, ...], theta: Floats, hyper: Hyper, keep: np.ndarray
 ) -> tuple[Floats, SharedError]:
     """Parameters fitted to the rows kept (terms keep the reference levels of the whole fit), and the shared error."""
-    if len(theta) == 0:
-        return theta, SharedError({}, {})
     part = scene.only(keep)
     fitter = Fitter(part)
+    if len(theta) == 0:
+        return theta, shared_error(fitter, fitter.residual((), theta), hyper)
     wrong = form_error(part, terms, theta)
     fit = fitter.fit(terms, theta, hyper, wrong)
     return fit.theta, shared_error(fitter, fit.residual, hyper, wrong)

@@ -39,7 +39,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A region that stands out: by how much, and how surely."""
+    """A region that stands out: by how much (the mean of the stretched, logarithmic, deviation), and how surely."""
 
     region: Region
     size: float
@@ -47,10 +47,15 @@ class Mismatch:
     p_value: float
 
     @property
+    def share(self) -> float:
+        """What the recording has more or less than the simulation, over the simulation."""
+        return float(np.expm1(self.size))
+
+    @property
     def statement(self) -> str:
         """One sentence."""
         way = "above" if self.size > 0 else "below"
-        return f"The recording is {abs(self.size):.1%} {way} the simulation {self.region.name}."
+        return f"The recording is {abs(self.share):.1%} {way} the simulation {self.region.name}."
 
 
 def regions_of(readings: Readings) -> list[Region]:

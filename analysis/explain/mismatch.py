@@ -24,6 +24,7 @@ from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
+from labdaq.errors import DataError
 
 LOOKING = Hyper(1.0, 1.0, 0.4)
 """Size of the usual nuisances, when it is asked where (not why) something differs."""
@@ -77,6 +78,8 @@ def explain(
 
 def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], None]) -> Explanation:
     progress("forensics")
+    if not np.any(case.records.simulated > 0.0):
+        raise DataError(f"{case.folder}: no prediction is above zero", "fill the column simulated of records.csv")
     findings = forensics(Readings.of(case))
     whole, (case, _) = case, condensed(case)
     if len(case.records) < len(whole.records):
@@ -88,7 +91,8 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     fitter = Fitter(scene)
     progress("locating the mismatch")
     null = fitter.residual((), np.zeros(0))
-    mismatch = locate(readings, null, fitter.whitener(LOOKING))
+    usual = fitter.whitener(LOOKING)
+    mismatch = locate(readings, null, usual)
     progress("weighing mechanisms")
     search = quieted(Search(fitter))
     scene, fitter = search.scene, search.fitter
@@ -103,8 +107,8 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     again = simulated_again(scene, best.terms, best.theta) if simulator is not None else None
     wrong = form_error(scene, best.terms, best.theta)
     extra = (*wrong, *(w.extra(scene, a, x) for w, a, x in kept.wanders))
-    whitener = fitter.whitener(best.hyper, extra)
-    leftover = locate(readings, best.residual, fitter.whitener(LOOKING, extra))
+    beside = fitter.whitener(LOOKING, extra)
+    leftover = locate(readings, best.residual, beside)
     dof = max(len(readings) - len(best.theta), 1)
     return Explanation(
         scene=scene,
@@ -117,13 +121,20 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         corrected_sd=corrected_sd(scene, best, fitter, wrong),
         before=rms(deviations(readings, readings.simulated)),
         after=rms(deviations(readings, corrected)),
-        chi2_before=float(whitener.squares(null[:, None])[0]) / len(readings),
-        chi2_after=float(whitener.squares(best.residual[:, None])[0]) / dof,
+        chi2_before=float(usual.squares(null[:, None])[0]) / len(readings),
+        chi2_after=float(beside.squares(best.residual[:, None])[0]) / dof,
         held_out=outside,
         not_tried=search.not_tried,
         again=again,
-        shared=shared_error(fitter, best.residual, best.hyper, extra),
+        shared=_shared(fitter, best, extra, outside),
     )
+
+
+def _shared(fitter: Fitter, best: Fit, extra: tuple[Extra, ...], outside: HeldOut | None) -> SharedError:
+    """The simulation's shared error, if left-out tests are predicted better with what the others say of it."""
+    if outside is None or outside.with_shared_error >= outside.after:
+        return SharedError({}, {})
+    return shared_error(fitter, best.residual, best.hyper, extra)
 
 
 def corrected_sd(scene: Scene, fit: Fit, fitter: Fitter, wrong: tuple[Extra, ...]) -> Floats:

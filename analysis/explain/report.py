@@ -33,7 +33,7 @@ def report(e: Explanation, content: dict[str, Any], drawn: dict[str, str]) -> st
         f"{_VERDICT[content['verdict']]}{_numbers(content)}</p>",
         _section(
             "Where they differ",
-            _places(content["mismatch"], "Nowhere beyond chance."),
+            _places(content["mismatch"], "Nowhere beyond chance.") + _noted(content["noted"]),
             drawn,
             ("map", "by-gamma", "by-test"),
         ),
@@ -67,7 +67,7 @@ def report(e: Explanation, content: dict[str, Any], drawn: dict[str, str]) -> st
 def _numbers(content: dict[str, Any]) -> str:
     fit = content["fit"]
     text = f" Deviation {fit['before']['rms_percent']:.3g} % rms before, {fit['after']['rms_percent']:.3g} % after"
-    if "held_out" in fit:
+    if fit["held_out"]:
         before, after = (fit["held_out"][k]["rms_percent"] for k in ("before", "after"))
         text += f"; on readings that were not fitted {before:.3g} % and {after:.3g} %"
     return f"{text}."
@@ -86,6 +86,12 @@ def _list(sentences: list[str], otherwise: str) -> str:
 
 def _places(places: list[dict[str, Any]], otherwise: str) -> str:
     return _list([f"{p['statement']} (p = {p['p_value']:.1g})" for p in places], otherwise)
+
+
+def _noted(places: list[dict[str, Any]]) -> str:
+    """Where recording and prediction differ most although they agree, said only where there is something to say."""
+    lead = "<p>More than noise alone would make, but no more than simulations and second instruments usually err:</p>"
+    return lead + _places(places, "") if places else ""
 
 
 def _mechanisms(content: dict[str, Any]) -> str:
@@ -108,7 +114,7 @@ def _mechanisms(content: dict[str, Any]) -> str:
 def _fit(content: dict[str, Any]) -> str:
     fit = content["fit"]
     rows = [("all readings", fit["before"], fit["after"])]
-    if "held_out" in fit:
+    if fit["held_out"]:
         rows.append((f"not fitted ({fit['held_out']['scheme']})", fit["held_out"]["before"], fit["held_out"]["after"]))
     if "simulated_again" in fit:
         name = f"all readings, simulated again with {' and '.join(fit['simulated_again']['with'])}"

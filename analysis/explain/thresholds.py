@@ -103,6 +103,12 @@ ROUGH_ONE = Hyper(4.5, np.inf, 8.0)
 """The same of one instrument, named or not. (Of another author's 50 roofs four had more, all of them with
 physics outside the catalogue.) Its third is a prediction that is off by 4 % from day to day: of five first names of
 meters beside that, three were wrong."""
+LEVEL_ALONE = 0.06
+"""On a roof a recording whose middle reading is off by more than this share agrees with nothing. (Second instruments
+and models of the sky that four other authors made differed by less, one meter 8 % off had been called an agreement.)"""
+OF_THREE = 0.3
+"""How often a name is right, at most, where one instrument seems to need three. (Of five such sets on other authors'
+cases none was right, and of their fifteen names four.)"""
 OTHER_LENS = Hyper(6.0, 0.0, 2.4)
 """Where both a shape error and errors of the sun's images are larger than this (the largest that are tried), another
 lens was simulated altogether, and names that are no change of the lens are doubtful. (Of another author's such names

@@ -18,12 +18,14 @@ from analysis.explain.thresholds import (
     LEFT_OF_LENS,
     LEFT_OF_STRONG,
     LEFT_OVER,
+    LEVEL_ALONE,
     LIKELIER,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
     MISFIT_OF_TWO,
     MISFIT_STRONG,
     MOST_MISFIT,
+    OF_THREE,
     OTHER_LENS,
     RELIABLE,
     ROUGH,
@@ -48,7 +50,8 @@ def decide(found: Conclusion, few: float) -> None:
     rough = _rougher(found, ROUGH_ONE if found.one_instrument else ROUGH if found.best.ids else ROUGH_ALONE)
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
-        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough else "no-mismatch"
+        off = found.one_instrument and abs(found.level) > LEVEL_ALONE
+        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
         wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH) or _another_lens(found)
         found.verdict = "unexplained" if wrong else "partly-explained"
@@ -216,6 +219,8 @@ def _probabilities(found: Conclusion) -> None:
         nearest = max(*rivals.values(), law / nats - LIKELIER, nothing) + LIKELIER * (found.best.first in found.unseen)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
+        if found.one_instrument and len(ids) > 2:
+            found.probability = {m: OF_THREE * p for m, p in found.probability.items()}
     share = {key: float(np.exp(r - np.logaddexp.reduce([nothing, *rivals.values()]))) for key, r in rivals.items()}
     ranked = sorted(share, key=lambda key: -share[key])[:5]
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
@@ -225,3 +230,20 @@ def _probabilities(found: Conclusion) -> None:
         alike = (*_doubles_here(found, first, alone), *near)
         found.indistinguishable += [(first, other) for other in alike if other in alone]
         found.indistinguishable += found.best.tied
+
+
+def share_with_doubles(found: Conclusion) -> None:
+    """Divide the probability of a name between it and the doubles that do as well: it was that of either."""
+    alone = _alone(found)
+    for name in [m for m in found.best.ids if m in found.probability]:
+        told = {other for pair in found.indistinguishable if name in pair for other in pair}
+        alike = [d for d in _doubles_here(found, name, alone) if d in told]
+        if not alike:
+            continue
+        gains = np.array([alone[m] for m in (name, *alike)])
+        parts = np.exp(gains - gains.max()) / np.sum(np.exp(gains - gains.max()))
+        of_either = found.probability[name]
+        found.probability[name] = float(of_either * parts[0])
+        rest = tuple(m for m in found.best.ids if m != name)
+        found.alternatives += [((*rest, d), float(of_either * p)) for d, p in zip(alike, parts[1:], strict=True)]
+    found.alternatives.sort(key=lambda item: -item[1])

@@ -8,7 +8,12 @@ import click
 
 @click.command()
 @click.argument("case", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for the answer; made if need be.")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the answer; made if need be.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the answer as one JSON object.")
 @click.option("--no-simulation", is_flag=True, help="Do not simulate what the case brings no variant for.")
 def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:

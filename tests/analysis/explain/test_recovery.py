@@ -213,6 +213,8 @@ def test_air_that_differs_from_day_to_day_is_no_meters_fault(tmp_path: Path) -> 
     content = answer(explain(roof_case(tmp_path / "case", readings)))
     assert content["mechanisms"] == []
     assert content["verdict"] == "no-mismatch"
+    assert content["mismatch"] == content["leftover"] == []
+    assert content["noted"], "what differs from day to day is noted"
 
 
 def test_a_meter_out_of_calibration_is_found(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, misfit, name_the_sure, share_of
+from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
@@ -362,6 +362,49 @@ def test_a_double_is_no_rival(arm: Scene) -> None:
     found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
     assert found.verdict == "explained"
     assert found.indistinguishable == [("dark-offset", "stray-light")]
+
+
+def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
+    found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
+    of_either = found.probability["dark-offset"]
+    share_with_doubles(found)
+    (_, other), *_ = [(ids, p) for ids, p in found.alternatives if ids == ("stray-light",)]
+    assert found.verdict == "explained"
+    assert found.probability["dark-offset"] == pytest.approx(of_either * expit(1.0))
+    assert found.probability["dark-offset"] + other == pytest.approx(of_either)
+    alone = _decided(arm, ("dark-offset", 200.0), ("stray-light", 90.0))
+    sure = dict(alone.probability)
+    share_with_doubles(alone)
+    assert alone.probability == sure
+
+
+def test_of_one_instrument_three_names_are_too_many(picture: Scene) -> None:
+    """Whoever needs three laws for one camera has mostly found another law."""
+    ids = ("vignetting", "spectral-mismatch", "nonlinearity")
+    for count, verdict in ((2, "explained"), (3, "unexplained")):
+        both = _hypothesis(picture, 900.0, *ids[:count])
+        singles = [_hypothesis(picture, gain, name) for name, gain in zip(ids, (500.0, 300.0, 200.0), strict=True)]
+        found = Conclusion(both, _hypothesis(picture, 0.0), singles, one_instrument=True, nat=TEMPER_ONE)
+        decide(found, 1.0)
+        assert found.verdict == verdict
+        assert (found.not_claimed[0] == (ids, min(found.probability.values()))) == (count == 3)
+
+
+def test_what_is_not_claimed_leads_the_alternatives(arm: Scene) -> None:
+    found = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 195.0))
+    assert found.verdict == "unexplained"
+    assert [ids for ids, _ in found.not_claimed[:2]] == [("c-offset",), ("gamma-offset",)]
+    claimed = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 10.0))
+    assert ("c-offset",) not in [ids for ids, _ in claimed.not_claimed]
+
+
+@pytest.mark.parametrize(("level", "verdict"), [(0.04, "no-mismatch"), (-0.08, "unexplained")])
+def test_a_roof_meter_that_is_far_off_agrees_with_nothing(arm: Scene, level: float, verdict: str) -> None:
+    nothing = _hypothesis(arm, 0.0)
+    for one_instrument, expected in ((True, verdict), (False, "no-mismatch")):
+        found = Conclusion(nothing, nothing, [], one_instrument=one_instrument, level=level)
+        decide(found, 1.0)
+        assert found.verdict == expected
 
 
 def test_what_is_left_and_sets_without_the_name_speak_against_it(arm: Scene) -> None:
