@@ -10,11 +10,11 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
-from analysis.explain.mechanisms.base import Term, in_its_state, predict, terms_of
+from analysis.explain.mechanisms.base import Mechanism, Term, in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
-from analysis.explain.retrace import Simulator
+from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.shared_error import SharedError
 from labdaq.errors import DataError
@@ -122,6 +122,8 @@ def _usual(readings: Readings) -> Floats:
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:
     mechanism, facts = BY_ID[entry["id"]], dict(entry["facts"])
+    if scene.retraced is not None and (brought := _of_label(entry, _brought(mechanism, scene, scene.retraced))):
+        return replace(brought[0], branch=replace(brought[0].branch, facts=facts))
     because = mechanism.why_not(scene)
     ways = () if because else terms_of(mechanism, scene)
     if {"from_utc_s", "until_utc_s"} & set(facts):
@@ -137,6 +139,12 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
             "bring the variants, systems, channels or facts that the mechanism needs (labdaq mechanisms)",
         )
     return replace(found[0], branch=replace(found[0].branch, facts=facts))
+
+
+def _brought(mechanism: Mechanism, scene: Scene, retraced: Retraced) -> tuple[Term, ...]:
+    """The ways for which the case itself brings what they need: nothing has to be simulated for them."""
+    bare = replace(scene, retraced=replace(retraced, simulator=None))
+    return () if mechanism.why_not(bare) else terms_of(mechanism, bare)
 
 
 def _of_label(entry: dict[str, Any], ways: tuple[Term, ...]) -> list[Term]:
