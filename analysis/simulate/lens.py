@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from analysis.simulate.components import Lens
 from analysis.simulate.store import code_digest, kept
+from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
 Table = NDArray[np.int16]
@@ -45,6 +46,9 @@ RING_STEPS: Final = 48
 
 DELTA_UNITS: Final = 16000.0
 WEIGHT_UNITS: Final = 32000.0
+"""Of weight 1, where no weight exceeds 1; see `analysis.simulate.lens_light` for files that send on more."""
+
+_MOST: Final = 32767
 
 _OPTICAL: Final = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm", "slope_deg", "blur_deg")
 _VERSION: Final = 1
@@ -149,17 +153,19 @@ def piece_of(table: Table, number: int, pieces: int, together: int) -> Table:
     return np.ascontiguousarray(table[:, first : after + together - 1])
 
 
-def sun_table(lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None) -> Table:
+def sun_table(
+    lens: Lens, spots: Floats, samples: int, sampler: Sampler | None = None, units: float = WEIGHT_UNITS
+) -> Table:
     """Scatter of a lens for light of a few directions, shape (n, samples, 3); turned, mirrored, or isotropic as it is.
 
     ``spots`` (n, 3): directions of travel in the sheet's frame, z up; rows with z >= 0 meet no light and are skipped.
-    The last few tables are remembered.
+    ``units``: of weight 1. The last few tables are remembered.
     """
-    return _sun_table(lens, tuple(map(tuple, spots.tolist())), samples, sampler or traced_samples)
+    return _sun_table(lens, tuple(map(tuple, spots.tolist())), samples, sampler or traced_samples, units)
 
 
 @functools.lru_cache(maxsize=64)
-def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, sampler: Sampler) -> Table:
+def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, sampler: Sampler, units: float) -> Table:
     samples = max(samples, LEAST)
     rng = np.random.default_rng([_VERSION, 7, samples])
     table = np.full((len(spots), samples, 3), -1, dtype=np.int16)
@@ -176,7 +182,7 @@ def _sun_table(lens: Lens, spots: tuple[tuple[float, ...], ...], samples: int, s
         out, weight = sampler(lens, from_prisms, np.ascontiguousarray(sent), per, rng)
         back = _turned(out.reshape(samples, 3) * z, angle) * flip
         order = rng.permutation(samples)
-        table[row] = packed(back, spot, weight.reshape(samples))[order]
+        table[row] = packed(back, spot, weight.reshape(samples), units)[order]
     return table
 
 
@@ -222,18 +228,22 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
     )
 
 
-def packed(out: Floats, sent: Floats, weight: Floats) -> Table:
+def packed(out: Floats, sent: Floats, weight: Floats, units: float = WEIGHT_UNITS) -> Table:
     """Entries of a table: differences of tangential cosines, and the weight, negative where light is reflected.
 
-    ``out`` (..., 3) for light sent along ``sent``, which broadcasts.
+    ``out`` (..., 3) for light sent along ``sent``, which broadcasts; ``units``: of weight 1. Raises `DataError` for a
+    weight that the table cannot hold.
     """
     entries = np.empty(out.shape, dtype=np.int16)
     through = (out[..., 2] * sent[..., 2] > 0.0) & (weight > 0.0)
     difference = (out[..., :2] - sent[..., :2]) * DELTA_UNITS
     entries[..., :2] = np.rint(np.clip(difference, -32767, 32767))
     # weight 0 (absorbed) is kept as the smallest reflected weight: nothing passes
-    units = np.maximum(1.0, np.rint(weight * WEIGHT_UNITS))
-    entries[..., 2] = np.where(through, units, -units)
+    count = np.maximum(1.0, np.rint(weight * units))
+    if not (count <= _MOST).all():  # also for what is no number
+        much, most = float(weight.max()), _MOST / units
+        raise DataError(f"a lens sends on {much:.4g} times the light of a direction; its table holds 0 to {most:.4g}")
+    entries[..., 2] = np.where(through, count, -count)
     return entries
 
 

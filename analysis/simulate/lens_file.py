@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.components import Lens
-from analysis.simulate.lens import LEAST, Sampler, Table, in_parts, packed
+from analysis.simulate.lens import LEAST, WEIGHT_UNITS, Sampler, Table, in_parts, packed
+from analysis.simulate.lens_light import MOST, TOLD, Light, brightest
 from analysis.simulate.store import code_digest, kept
+from analysis.simulate.system import System
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -49,7 +51,37 @@ def file_tables(lens: Lens, samples: int) -> tuple[Table, Table]:
     They have a sixteenth of the samples of a prismatic sheet's, for more than ten times as many directions. Raises
     `DataError`.
     """
-    return _tables(lens.bsdf, _digest(lens.bsdf), lens.prisms == "up", max(samples // 16, LEAST))
+    return _tables(lens.bsdf, _digest(lens.bsdf), lens.prisms == "up", max(samples // 16, LEAST), weight_units(lens))
+
+
+def weight_units(lens: Lens) -> float:
+    """Units of weight 1 in the lens's tables: fewer where more light leaves than arrives. Raises `DataError`."""
+    return WEIGHT_UNITS / max(1.0, most_light(lens).share)
+
+
+def most_light(lens: Lens) -> Light:
+    """The direction of which a lens of a file sends on most light; raises `DataError` beyond `lens_light.MOST`."""
+    light = _most_light(lens.bsdf, _digest(lens.bsdf))
+    if light.share > MOST:
+        raise DataError(
+            f"{lens.bsdf}: {light}; a lens may send on {MOST:g} times",
+            "look at `labdaq bsdf report`: BSDFs are in 1/sr, and no raised cover collects so much",
+        )
+    return light
+
+
+def bright_lenses(system: System) -> tuple[str, ...]:
+    """What users should know of lenses that send on more light than they get; raises `DataError` beyond `MOST`."""
+    files = {lens.bsdf: lens for lens in (system.entry, system.exit) if lens.kind == "bsdf"}
+    lights = [(path, most_light(lens)) for path, lens in files.items()]
+    return tuple(f"{path}: {light}" for path, light in lights if light.share > TOLD)
+
+
+@functools.lru_cache(maxsize=8)
+def _most_light(path: str, digest: str) -> Light:
+    recipe: dict[str, Any] = {"light": digest, "code": code_digest("analysis/bsdf"), "version": _VERSION}
+    found = kept("lenses", recipe, lambda: {"light": brightest(_read(path, digest)).row()})
+    return Light.of(found["light"])
 
 
 def file_sampler(lens: Lens) -> Sampler:
@@ -73,12 +105,13 @@ def _sampler(path: str, digest: str, turned: bool) -> Sampler:
 
 
 @functools.lru_cache(maxsize=8)
-def _tables(path: str, digest: str, turned: bool, samples: int) -> tuple[Table, Table]:
+def _tables(path: str, digest: str, turned: bool, samples: int, units: float) -> tuple[Table, Table]:
     recipe: dict[str, Any] = {
         "file": digest,
         "turned": turned,
         "samples": samples,
         "half": WIDE_HALF,
+        "units": units,
         "code": code_digest("analysis/bsdf"),
         "version": _VERSION,
     }
@@ -95,7 +128,7 @@ def _tables(path: str, digest: str, turned: bool, samples: int) -> tuple[Table, 
             for first in range(0, len(sent), 256):
                 rows = slice(first, first + 256)
                 out, weight = bsdf("front" if front else "back", sent[rows] * frame, samples, rng)
-                table[rows] = packed(out * frame, sent[rows, None, :], weight)
+                table[rows] = packed(out * frame, sent[rows, None, :], weight, units)
             made[name] = table
         return made
 

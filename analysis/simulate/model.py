@@ -12,6 +12,7 @@ from analysis.simulate.kernels import arrays as k
 from analysis.simulate.lens import (
     HALF,
     PARTS,
+    WEIGHT_UNITS,
     Sampler,
     Table,
     half_lobe,
@@ -21,7 +22,7 @@ from analysis.simulate.lens import (
     sun_table,
     tables,
 )
-from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, wide_nodes
+from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, weight_units, wide_nodes
 from analysis.simulate.obstruction import rows
 from analysis.simulate.system import System
 
@@ -84,9 +85,10 @@ def for_sun(
     travel = -np.array([c * towards[0] + s * towards[1], c * towards[1] - s * towards[0], towards[2]])
     normals = ready.facets[:, :3] if ready.geometry[k.COVER] == k.PYRAMID else np.array([[0.0, 0.0, 1.0]])
     spots = np.array([_on_facet(travel, normal) for normal in normals])
+    units = WEIGHT_UNITS
     if system.entry.kind == "bsdf":
-        sampler = file_sampler(system.entry)
-    table = sun_table(system.entry, spots, samples, sampler)
+        sampler, units = file_sampler(system.entry), weight_units(system.entry)
+    table = sun_table(system.entry, spots, samples, sampler, units)
     return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
 
 
@@ -173,6 +175,7 @@ def _lens(lens: Lens) -> tuple[float, ...]:
         lens.reflectance,
         WIDE_HALF if lens.kind == "bsdf" else HALF,
         lens.kind == "bsdf",
+        1.0 / (weight_units(lens) if lens.kind == "bsdf" else WEIGHT_UNITS),
     )
     return tuple(float(value) for value in row)
 

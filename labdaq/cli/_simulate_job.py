@@ -47,6 +47,7 @@ class Job:
 def run(job: Job) -> dict[str, Any]:
     """Predict, write the files, and return the report. Raises a `LabdaqError`."""
     from analysis.simulate.ies import write_prediction
+    from analysis.simulate.lens_file import bright_lenses
     from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, C_DEG, GAMMA_DEG, predict
     from analysis.simulate.tally import Field
 
@@ -54,6 +55,7 @@ def run(job: Job) -> dict[str, Any]:
         raise ConfigError("--room is what sensors at a distance see", "give --distance")
     if job.engine == "radiance" and (job.max_bounces is not None or job.isotropic):
         raise ConfigError("--max-bounces and --isotropic are settings of the tracer", "leave them out, or --engine")
+    notes = bright_lenses(system_of(job))
     if job.ray_set is not None:
         made = _under_rays(job)
     else:
@@ -95,6 +97,7 @@ def run(job: Job) -> dict[str, Any]:
         "peak_c_deg": float(seen.total.c_deg[peak[0]]),
         "uncertainty": seen.worst_relative(),
         "facts": made.facts,
+        "notes": list(notes),
     }
 
 

@@ -120,6 +120,8 @@ def command(
     The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
     illuminance there is no sun.
 
+    A lens of a file that sends on more light than it gets is told of on standard error.
+
     With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
     found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
 
@@ -148,6 +150,8 @@ def command(
     if not out.parent.is_dir():
         raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
     report = run(Job(out=out, **options))
+    for note in report["notes"]:
+        click.echo(f"note: {note}", err=True)
     click.echo(json.dumps(report) if as_json else _words(report))
 
 
@@ -159,6 +163,7 @@ _OF_SESSIONS = ("system", "sessions", "as_json", "settings", "orientation", "mir
 def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool, options: dict[str, Any]) -> None:
     """Predict sessions, and tell of each."""
     from analysis.process.prediction import Wish, simulate_sessions
+    from analysis.simulate.lens_file import bright_lenses
     from labdaq.cli._simulate_job import changes
 
     given = context.get_parameter_source
@@ -170,16 +175,26 @@ def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool,
     if odd:
         raise click.UsageError(f"{', '.join(odd)}: not with --session, which tells daylight, distance and place")
     exact = {"precision": options["precision"]} if given("precision") is click.core.ParameterSource.COMMANDLINE else {}
+    notes: dict[str, None] = {}
+
+    def change(system: Any) -> Any:
+        changed = changes(system, options)
+        notes.update(dict.fromkeys(bright_lenses(changed)))
+        return changed
+
     wish = Wish(
         system=options["system"],
-        change=lambda system: changes(system, options),
+        change=change,
         rays=options["rays"],
         seed=options["seed"],
         threads=options["threads"],
         max_bounces=options["max_bounces"],
         **exact,
     )
-    for path, account in zip(sessions, simulate_sessions(sessions, wish), strict=True):
+    accounts = simulate_sessions(sessions, wish)
+    for note in notes:
+        click.echo(f"note: {note}", err=True)
+    for path, account in zip(sessions, accounts, strict=True):
         if as_json:
             click.echo(json.dumps({**account, "path": str(path)}))
             continue

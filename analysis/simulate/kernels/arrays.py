@@ -21,9 +21,9 @@ NX, NY, NZ, OFFSET, FACET_AREA = range(5)
 # columns of a wall
 RHO, LAMBERT, SPREAD = range(3)
 # columns of a lens
-KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT, HALF, WIDE = range(13)
+KIND, COS, SIN, MIRROR, ISOTROPIC, HAZE, SOIL, INDEX, DEPTH, TRANSMIT, REFLECT, HALF, WIDE, GRAIN = range(14)
 NONE, CLEAR, TABLE, DIFFUSING = 0, 1, 2, 3
-# units of the scatter tables
+# units of the scatter tables; a lens of a file that sends on more light than it gets has a coarser unit of weight
 DELTA_SCALE: Final = 1.0 / 16000.0
 WEIGHT_SCALE: Final = 1.0 / 32000.0
 # kinds of source

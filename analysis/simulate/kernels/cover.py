@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulate.kernels.arrays import HAZE, KIND, MIRROR, NONE, WIDE, Frame, Load, Ray, Scene, Skylight
+from analysis.simulate.kernels.arrays import GRAIN, HAZE, KIND, MIRROR, NONE, WIDE, Frame, Load, Ray, Scene, Skylight
 from analysis.simulate.kernels.counting import NO, ZERO
 from analysis.simulate.kernels.fan import read_fan, score_fan, turn_fan
 from analysis.simulate.kernels.frames import Turned, frame_of, inward
@@ -72,7 +72,7 @@ def enter(
     lx = ray.dx * f.ex + ray.dy * f.ey + ray.dz * f.ez
     ly = ray.dx * f.fx + ray.dy * f.fy + ray.dz * f.fz
     cosine = -(ray.dx * nx + ray.dy * ny + ray.dz * nz)
-    at = Place(lx, ly, facet, False, 1.0, 1.0, 1.0, 0.0)
+    at = Place(lx, ly, facet, False, 1.0, 1.0, 1.0, 0.0, lens[GRAIN])
     mirrored = False
     nodes = sky.spots
     if facet < 0:

@@ -16,6 +16,7 @@ from analysis.simulate.kernels.arrays import (
     RECTANGLE,
     SHAPE,
     TABLE,
+    WEIGHT_SCALE,
     WIDE,
     Frame,
     Load,
@@ -104,7 +105,7 @@ def glow(
         size = counts.split if load.boot + load.wall < 2 else max(ONE, counts.split // 4)
         pick, state = uniform(state)
         first = int(pick * (sky.lobe.shape[1] - size + 1))
-        read_fan(counts, size, sky.lobe, Place(0.0, 0.0, ZERO, False, 1.0, 1.0, 1.0, 0.0), first)
+        read_fan(counts, size, sky.lobe, Place(0.0, 0.0, ZERO, False, 1.0, 1.0, 1.0, 0.0, WEIGHT_SCALE), first)
         wall = Frame(-ny, nx, 0.0, 0.0, 0.0, 1.0, -nx, -ny, 0.0)
         score_fan(scene, size, load.source, load.boot, load.wall, 0.5 * value, x, y, z, wall)
         return state

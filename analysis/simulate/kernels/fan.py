@@ -17,7 +17,6 @@ from analysis.simulate.kernels.arrays import (
     SHAPE,
     TURN_C,
     TURN_S,
-    WEIGHT_SCALE,
     Counts,
     Frame,
     Numbers,
@@ -36,7 +35,6 @@ _LEAST: Final[Any] = np.float32(1e-12)
 _SMALL: Final[Any] = np.float32(1e-9)
 _TINY: Final[Any] = np.float32(1e-30)
 _STEP: Final[Any] = np.int32(1)
-_WEIGHT: Final[Any] = np.float32(WEIGHT_SCALE)
 # the polynomial of `arctan_unit` times 4 / pi
 _T0, _T1, _T2, _T3, _T4, _T5 = (
     np.float32(t * 4.0 / math.pi)
@@ -49,10 +47,11 @@ def read_fan(counts: Counts, size: int, table: Table, at: Place, first: int) -> 
     """Fetch ``size`` consecutive entries' differences and weights; returns the sum of the transmitted weights."""
     entries = table[at.row, first : first + size]
     sx, sy = np.float32(at.sx * DELTA_SCALE), np.float32(at.sy * DELTA_SCALE)
+    grain = np.float32(at.grain)
     i, j = (ONE, ZERO) if at.swap else (ZERO, ONE)
     total = _ZERO
     for k in range(size):
-        w = max(_ZERO, np.float32(entries[k, 2]) * _WEIGHT)
+        w = max(_ZERO, np.float32(entries[k, 2]) * grain)
         counts.fan_a[k] = sx * np.float32(entries[k, i])
         counts.fan_b[k] = sy * np.float32(entries[k, j])
         counts.fan_w[k] = w

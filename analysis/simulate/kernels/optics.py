@@ -10,6 +10,7 @@ from analysis.simulate.kernels.arrays import (
     COS,
     DELTA_SCALE,
     DEPTH,
+    GRAIN,
     HALF,
     HAZE,
     INDEX,
@@ -22,7 +23,6 @@ from analysis.simulate.kernels.arrays import (
     SOIL,
     TABLE,
     TRANSMIT,
-    WEIGHT_SCALE,
     WIDE,
     Numbers,
     Skylight,
@@ -50,6 +50,8 @@ class Place(NamedTuple):
         How the row was folded: whether x and y are exchanged, and their signs.
     c, s
         The pattern's turn.
+    grain
+        Unit of the table's weights.
     """
 
     x: float
@@ -60,6 +62,7 @@ class Place(NamedTuple):
     sy: float
     c: float
     s: float
+    grain: float
 
 
 @jit
@@ -116,7 +119,7 @@ def lens_sample(table: Table, p: float, q: float, at: Place, k: int) -> tuple[fl
     """
     a = table[at.row, k, 0] * DELTA_SCALE
     b = table[at.row, k, 1] * DELTA_SCALE
-    w = table[at.row, k, 2] * WEIGHT_SCALE
+    w = table[at.row, k, 2] * at.grain
     if at.swap:
         a, b = b, a
         p, q = q, p
@@ -209,9 +212,9 @@ def lens_place(lens: Numbers, lx: float, ly: float, cosine: float, state: np.uin
     r2, state = uniform(state)
     if lens[WIDE] != 0.0:
         row = wide_node(px, py, cosine, int(lens[HALF]), r1, r2)
-        return Place(px, py, row, False, 1.0, 1.0, c, s), state
+        return Place(px, py, row, False, 1.0, 1.0, c, s, lens[GRAIN]), state
     row, swap, sx, sy = lens_node(px, py, cosine, int(lens[HALF]), r1, r2)
-    return Place(px, py, row, swap, sx, sy, c, s), state
+    return Place(px, py, row, swap, sx, sy, c, s, lens[GRAIN]), state
 
 
 @jit
@@ -221,7 +224,7 @@ def ring_place(at: Place, rows: int, r: float) -> Place:
     swap = ay > ax
     share = (4.0 / math.pi) * arctan_unit(min(ax, ay) / max(ax, ay, 1e-300))
     row = min(int(share * (rows - 1) + r), rows - 1)
-    return Place(at.x, at.y, row, swap, math.copysign(1.0, at.x), math.copysign(1.0, at.y), at.c, at.s)
+    return Place(at.x, at.y, row, swap, math.copysign(1.0, at.x), math.copysign(1.0, at.y), at.c, at.s, at.grain)
 
 
 @jit
