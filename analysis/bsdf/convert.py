@@ -1,20 +1,30 @@
 """From any description of scattering to Klems matrices and tensor trees, without noise and with energy conserved.
 
-The BSDF is averaged over each pair of patches or cells on even grids of incident and outgoing directions; then each
+The BSDF is averaged over each pair of patches or cells on even grids of directions within both; then each
 incident column is scaled to the hemispherical value the source states for these directions. What is sharper than the
 grid is refused rather than scaled up; trace it instead (`tally.klems_of`, `tree_tally.tensor_tree_of`).
 """
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
 from analysis.bsdf.basis import KLEMS_FULL, AngleBasis
-from analysis.bsdf.disk import disk_of_square
-from analysis.bsdf.gridded import outgoing_grid
+from analysis.bsdf.disk import disk_of_square, square_of_disk
 from analysis.bsdf.klems import KlemsBsdf
 from analysis.bsdf.model import Bsdf, Component, Floats, Material
 from analysis.bsdf.tensor_tree import TensorTreeBsdf
 from analysis.bsdf.tree import Tree, tree_of
 from labdaq.errors import DataError
+
+
+class TooSharp(DataError):
+    """The BSDF has peaks that fall between the directions of a grid.
+
+    Example scenarios: an ABg lobe with a small B, or with a specular part.
+    """
+
 
 _OFF = 0.15
 """Largest relative difference between the grid's sum and the stated hemispherical value."""
@@ -25,7 +35,7 @@ def to_klems(
     basis: AngleBasis = KLEMS_FULL,
     *,
     incident: int = 3,
-    outgoing: int = 192,
+    outgoing: int | None = None,
     material: Material | None = None,
 ) -> KlemsBsdf:
     """Average a BSDF over the patches of a basis.
@@ -37,28 +47,24 @@ def to_klems(
     incident
         Directions per incident patch and axis.
     outgoing
-        Outgoing directions per axis of the square; at least a few per patch.
+        Directions per outgoing patch and axis; without a number some 37,000 altogether, and at least 9 in each patch.
 
     Raises
     ------
-    DataError
+    TooSharp
         The BSDF is sharper than the outgoing grid.
     """
-    out_xy = outgoing_grid(outgoing)
-    patch = basis.patch_of(out_xy)
-    count = np.bincount(patch, minlength=basis.size)
-    if count.min() == 0:
-        raise DataError(f"{outgoing} x {outgoing} outgoing directions leave patches of {basis.name} empty; take more")
-    axis = (np.arange(incident) + 0.5) / incident
-    u, v = (x.ravel() for x in np.meshgrid(axis, axis, indexing="ij"))
+    each = outgoing or max(3, round(192 / math.sqrt(basis.size)))
+    out_xy = basis.sample(np.repeat(np.arange(basis.size), each**2), *(np.tile(x, basis.size) for x in _places(each)))
+    u, v = _places(incident)
+    mean = _mean_over(bsdf, out_xy)
     matrices = {}
     for component in bsdf.components():
         matrix = np.zeros((basis.size, basis.size))
         for i in range(basis.size):
             in_xy = basis.sample(np.full(u.size, i), u, v)
-            values = bsdf.evaluate(component, in_xy[:, None], out_xy).mean(axis=0)
-            # the mean over a patch, not the sum: the grid gives patches a few directions more or less than their share
-            flux = np.bincount(patch, weights=values, minlength=basis.size) / count * basis.projected
+            values = mean(component, in_xy)
+            flux = values.reshape(basis.size, -1).mean(axis=1) * basis.projected
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
             matrix[:, i] = _scaled(flux, wanted, f"{component}, patch {i}") / basis.projected
         matrices[component] = matrix
@@ -86,18 +92,19 @@ def to_tensor_tree(
 
     Raises
     ------
-    DataError
+    TooSharp
         The BSDF is sharper than the grid.
     """
     n = 1 << depth
     fine = outgoing * n
     axis = (np.arange(fine) + 0.5) / fine
     out_xy = disk_of_square(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)).reshape(-1, 2)
+    mean = _mean_over(bsdf, out_xy)
     trees: dict[Component, Tree] = {}
     for component in bsdf.components():
         columns = []
         for in_xy in _incident_cells(rank, n, incident):
-            values = bsdf.evaluate(component, in_xy[:, None], out_xy).mean(axis=0)
+            values = mean(component, in_xy)
             flux = values.reshape(n, outgoing, n, outgoing).mean(axis=(1, 3)) * np.pi / n**2
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
             columns.append(_scaled(flux, wanted, f"{component}, incident {in_xy[0]}") * n**2 / np.pi)
@@ -106,6 +113,41 @@ def to_tensor_tree(
             dense = np.concatenate([dense, np.zeros_like(dense)])  # the upper half of sines is not used
         trees[component] = tree_of(dense.reshape((n,) * rank), cull_percent)
     return TensorTreeBsdf(trees, material or _material_of(bsdf))
+
+
+def _places(n: int) -> tuple[Floats, Floats]:
+    """Middles of n x n equal parts of the unit square, two arrays of shape (n * n,)."""
+    axis = (np.arange(n) + 0.5) / n
+    u, v = np.meshgrid(axis, axis, indexing="ij")
+    return u.ravel(), v.ravel()
+
+
+def _mean_over(bsdf: Bsdf, out_xy: Floats) -> Callable[[Component, Floats], Floats]:
+    """A function of component and incident directions (k, 2): mean BSDF towards each of the outgoing directions."""
+    if isinstance(bsdf, KlemsBsdf):  # the same patches again and again
+        patch = bsdf.basis.patch_of(out_xy)
+        klems = bsdf
+
+        def of_patches(component: Component, in_xy: Floats) -> Floats:
+            mean: Floats = klems.matrices[component][:, klems.basis.patch_of(in_xy)].mean(axis=1)
+            return mean[patch]
+
+        return of_patches
+
+    if isinstance(bsdf, TensorTreeBsdf) and bsdf.rank == 4:
+        points, trees = square_of_disk(out_xy), bsdf.trees
+
+        def of_cells(component: Component, in_xy: Floats) -> Floats:
+            mean: Floats = np.mean([trees[component].values_under(xy, points) for xy in square_of_disk(in_xy)], axis=0)
+            return mean
+
+        return of_cells
+
+    def evaluated(component: Component, in_xy: Floats) -> Floats:
+        mean: Floats = bsdf.evaluate(component, in_xy[:, None], out_xy).mean(axis=0)
+        return mean
+
+    return evaluated
 
 
 def _incident_cells(rank: int, n: int, samples: int) -> list[Floats]:
@@ -117,7 +159,7 @@ def _incident_cells(rank: int, n: int, samples: int) -> list[Floats]:
             sine = 1.0 - 2.0 * (k + sub) / n
             cells.append(np.stack([sine, np.zeros(samples)], axis=-1))
         return cells
-    u, v = (x.ravel() for x in np.meshgrid(sub, sub, indexing="ij"))
+    u, v = _places(samples)
     return [disk_of_square(np.stack([(i + u) / n, (j + v) / n], axis=-1)) for i in range(n) for j in range(n)]
 
 
@@ -127,7 +169,7 @@ def _scaled(flux: Floats, wanted: float, where: str) -> Floats:
     if wanted == 0.0 or (total == 0.0 and wanted < 1e-6):
         return np.zeros_like(flux)
     if abs(total - wanted) > _OFF * wanted:
-        raise DataError(
+        raise TooSharp(
             f"{where}: the grid sums to {total:.4g} where {wanted:.4g} of the light goes on; its peaks are too sharp",
             "take more directions, or trace it (klems_of, tensor_tree_of)",
         )

@@ -69,6 +69,20 @@ class Tree:
         found = _leaves_under(self.branches, self.leaves, self.root, self.rank, place)
         return found[:, 2:], found[:, 0], found[:, 1]
 
+    def values_under(self, fixed: Floats, points: Floats) -> Floats:
+        """Values (n,) at points (n, 2) of the last two dimensions, under one point of the others: as `values`, faster
+        for many points."""
+        corner, size, value = self.slice(fixed)
+        found = np.zeros(len(points))
+        for step in np.unique(size):
+            n, rows = round(1.0 / step), size == step
+            grid = np.zeros((n, n))
+            where = np.rint(corner[rows] * n).astype(np.intp)
+            grid[where[:, 0], where[:, 1]] = value[rows]
+            at = np.minimum((points * n).astype(np.intp), n - 1)
+            found += grid[at[:, 0], at[:, 1]]  # 0 where leaves of another size lie
+        return found
+
     @cached_property
     def depth(self) -> int:
         """Levels below the root; the finest leaves have edges of 2**-depth."""
