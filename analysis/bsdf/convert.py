@@ -7,6 +7,7 @@ grid is refused rather than scaled up; trace it instead (`tally.klems_of`, `tree
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,9 @@ class TooSharp(DataError):
     Example scenarios: an ABg lobe with a small B, or with a specular part.
     """
 
+
+_FINE = 8
+"""Directions per incident patch or cell and axis for hemispherical values of matrices and trees."""
 
 _OFF = 0.15
 """Largest relative difference between the grid's sum and the stated hemispherical value."""
@@ -47,28 +51,56 @@ def to_klems(
     incident
         Directions per incident patch and axis.
     outgoing
-        Directions per outgoing patch and axis; without a number some 37,000 altogether, and at least 9 in each patch.
+        Directions per outgoing patch and axis; without a number some 37,000 altogether, at least 9 in each patch, and
+        three times as many per axis where peaks are too sharp for that.
 
     Raises
     ------
     TooSharp
         The BSDF is sharper than the outgoing grid.
     """
-    each = outgoing or max(3, round(192 / math.sqrt(basis.size)))
-    out_xy = basis.sample(np.repeat(np.arange(basis.size), each**2), *(np.tile(x, basis.size) for x in _places(each)))
+    usual = max(3, round(192 / math.sqrt(basis.size)))
+    grids = [_Grid(bsdf, basis, each) for each in ([outgoing] if outgoing else [usual, 3 * usual])]
     u, v = _places(incident)
-    mean = _mean_over(bsdf, out_xy)
+    fine = _places(_FINE)
     matrices = {}
     for component in bsdf.components():
         matrix = np.zeros((basis.size, basis.size))
         for i in range(basis.size):
             in_xy = basis.sample(np.full(u.size, i), u, v)
-            values = mean(component, in_xy)
-            flux = values.reshape(basis.size, -1).mean(axis=1) * basis.projected
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
-            matrix[:, i] = _scaled(flux, wanted, f"{component}, patch {i}") / basis.projected
+            for grid in grids:
+                try:
+                    flux = _scaled(grid.flux(component, in_xy), wanted, f"{component}, patch {i}")
+                    break
+                except TooSharp:
+                    if grid is grids[-1]:
+                        raise
+            whole = _whole(bsdf, component, basis.sample(np.full(fine[0].size, i), *fine), wanted)
+            matrix[:, i] = flux / basis.projected * (whole / wanted if wanted > 0.0 else 0.0)
         matrices[component] = matrix
     return KlemsBsdf(basis, matrices, material or _material_of(bsdf))
+
+
+class _Grid:
+    """Each x each outgoing directions in every patch of a basis; set up when they are first asked for."""
+
+    def __init__(self, bsdf: Bsdf, basis: AngleBasis, each: int) -> None:
+        self.bsdf = bsdf
+        self.basis = basis
+        self.each = each
+
+    @cached_property
+    def _mean(self) -> Callable[[Component, Floats], Floats]:
+        patch = np.repeat(np.arange(self.basis.size), self.each**2)
+        u, v = (np.tile(x, self.basis.size) for x in _places(self.each))
+        return _mean_over(self.bsdf, self.basis.sample(patch, u, v))
+
+    def flux(self, component: Component, in_xy: Floats) -> Floats:
+        """Part of the light of incident directions (k, 2) that goes to each patch."""
+        means = self._mean(component, in_xy).reshape(self.basis.size, -1).mean(axis=1)
+        part: Floats = means * self.basis.projected
+        return part
 
 
 def to_tensor_tree(
@@ -96,23 +128,33 @@ def to_tensor_tree(
         The BSDF is sharper than the grid.
     """
     n = 1 << depth
-    fine = outgoing * n
-    axis = (np.arange(fine) + 0.5) / fine
+    axis = (np.arange(outgoing * n) + 0.5) / (outgoing * n)
     out_xy = disk_of_square(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)).reshape(-1, 2)
     mean = _mean_over(bsdf, out_xy)
     trees: dict[Component, Tree] = {}
     for component in bsdf.components():
         columns = []
-        for in_xy in _incident_cells(rank, n, incident):
+        for in_xy, fine_xy in zip(_incident_cells(rank, n, incident), _incident_cells(rank, n, _FINE), strict=True):
             values = mean(component, in_xy)
             flux = values.reshape(n, outgoing, n, outgoing).mean(axis=(1, 3)) * np.pi / n**2
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
-            columns.append(_scaled(flux, wanted, f"{component}, incident {in_xy[0]}") * n**2 / np.pi)
+            scale = _whole(bsdf, component, fine_xy, wanted) / wanted if wanted > 0.0 else 0.0
+            columns.append(_scaled(flux, wanted, f"{component}, incident {in_xy[0]}") * scale * n**2 / np.pi)
         dense = np.array(columns)
         if rank == 3:
             dense = np.concatenate([dense, np.zeros_like(dense)])  # the upper half of sines is not used
         trees[component] = tree_of(dense.reshape((n,) * rank), cull_percent)
     return TensorTreeBsdf(trees, material or _material_of(bsdf))
+
+
+def _whole(bsdf: Bsdf, component: Component, in_xy: Floats, few: float) -> float:
+    """Hemispherical value of a patch or cell: of many directions where that is quickly found, else ``few``.
+
+    Matrices and trees are stairs, and few directions do not find how much of a patch each step fills.
+    """
+    if isinstance(bsdf, KlemsBsdf | TensorTreeBsdf):
+        return float(bsdf.hemispherical(component, in_xy).mean())
+    return few
 
 
 def _places(n: int) -> tuple[Floats, Floats]:

@@ -155,6 +155,17 @@ def prism_tracer(sheet: PrismSheet | ReliefSheet) -> Tracer:
     return trace
 
 
+def turned_over(tracer: Tracer) -> Tracer:
+    """A sheet turned over about its x axis: front and back are exchanged."""
+
+    def trace(incidence: Incidence, travel: Floats, per_direction: int, rng: Generator) -> tuple[Floats, Floats]:
+        other: Incidence = "back" if incidence == "front" else "front"
+        out, weights = tracer(other, travel * TURNED_OVER, per_direction, rng)
+        return out * TURNED_OVER, weights
+
+    return trace
+
+
 @lru_cache(maxsize=16)
 def _relief_of(sheet: PrismSheet) -> ReliefSheet:
     return sheet.relief()

@@ -19,6 +19,7 @@ COMMANDS: Final[dict[str, str]] = {
     "process": "Make a session's sky map and measured photometry.",
     "merge": "Merge a bracket of exposures into a luminance map.",
     "simulate": "Predict the photometry of a skylight.",
+    "bsdf": "Look at, convert and make BSDF files.",
     "compare": "Put recordings beside simulations, as a case and as a report.",
     "explain": "Find where recording and simulation differ, and which physics was left out.",
     "predict": "Apply an explanation to other tests, with no new fit.",
