@@ -27,7 +27,7 @@ class TooSharp(DataError):
     """
 
 
-_FINE = 8
+_FINE = 24
 """Directions per incident patch or cell and axis for hemispherical values of matrices and trees."""
 
 _OFF = 0.15
@@ -65,7 +65,7 @@ def to_klems(
     fine = _places(_FINE)
     matrices = {}
     for component in bsdf.components():
-        matrix = np.zeros((basis.size, basis.size))
+        stairs, matrix = _stairs(bsdf, component), np.zeros((basis.size, basis.size))
         for i in range(basis.size):
             in_xy = basis.sample(np.full(u.size, i), u, v)
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
@@ -76,7 +76,7 @@ def to_klems(
                 except TooSharp:
                     if grid is grids[-1]:
                         raise
-            whole = _whole(bsdf, component, basis.sample(np.full(fine[0].size, i), *fine), wanted)
+            whole = stairs(basis.sample(np.full(fine[0].size, i), *fine)).mean() if stairs else wanted
             matrix[:, i] = flux / basis.projected * (whole / wanted if wanted > 0.0 else 0.0)
         matrices[component] = matrix
     return KlemsBsdf(basis, matrices, material or _material_of(bsdf))
@@ -133,12 +133,13 @@ def to_tensor_tree(
     mean = _mean_over(bsdf, out_xy)
     trees: dict[Component, Tree] = {}
     for component in bsdf.components():
-        columns = []
+        stairs, columns = _stairs(bsdf, component), []
         for in_xy, fine_xy in zip(_incident_cells(rank, n, incident), _incident_cells(rank, n, _FINE), strict=True):
             values = mean(component, in_xy)
             flux = values.reshape(n, outgoing, n, outgoing).mean(axis=(1, 3)) * np.pi / n**2
             wanted = float(bsdf.hemispherical(component, in_xy).mean())
-            scale = _whole(bsdf, component, fine_xy, wanted) / wanted if wanted > 0.0 else 0.0
+            whole = stairs(fine_xy).mean() if stairs else wanted
+            scale = whole / wanted if wanted > 0.0 else 0.0
             columns.append(_scaled(flux, wanted, f"{component}, incident {in_xy[0]}") * scale * n**2 / np.pi)
         dense = np.array(columns)
         if rank == 3:
@@ -147,14 +148,26 @@ def to_tensor_tree(
     return TensorTreeBsdf(trees, material or _material_of(bsdf))
 
 
-def _whole(bsdf: Bsdf, component: Component, in_xy: Floats, few: float) -> float:
-    """Hemispherical value of a patch or cell: of many directions where that is quickly found, else ``few``.
+def _stairs(bsdf: Bsdf, component: Component) -> Callable[[Floats], Floats] | None:
+    """Hemispherical values of a matrix or tree at many directions (k, 2), quickly; None for other descriptions.
 
     Matrices and trees are stairs, and few directions do not find how much of a patch each step fills.
     """
+    if isinstance(bsdf, TensorTreeBsdf) and bsdf.rank == 4 and component in bsdf.trees:
+        n = 1 << bsdf.trees[component].depth
+        axis = (np.arange(n) + 0.5) / n
+        cells = disk_of_square(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+        table = bsdf.hemispherical(component, cells)
+
+        def of_cell(in_xy: Floats) -> Floats:
+            at = np.minimum((square_of_disk(in_xy) * n).astype(np.intp), n - 1)
+            found: Floats = table[at[..., 0], at[..., 1]]
+            return found
+
+        return of_cell
     if isinstance(bsdf, KlemsBsdf | TensorTreeBsdf):
-        return float(bsdf.hemispherical(component, in_xy).mean())
-    return few
+        return lambda in_xy: bsdf.hemispherical(component, in_xy)
+    return None
 
 
 def _places(n: int) -> tuple[Floats, Floats]:

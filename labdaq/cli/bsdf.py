@@ -27,7 +27,7 @@ _json = click.option("--json", "as_json", is_flag=True, help="Print one JSON obj
 def _to(default: str | None) -> Callable[[_F], _F]:
     return click.option(
         "--to", "form", type=click.Choice(_FORMS), default=default, required=default is None, show_default=True,
-        help="Klems basis (145, 73, 77 ... patches) or tensor tree (3: isotropic, 4: not).",
+        help="Klems basis (145, 77, 41, 581, 2321 patches) or tensor tree (3: isotropic, 4: not).",
     )  # fmt: skip
 
 
@@ -79,9 +79,10 @@ def report(file: Path, plot: Path | None, component: str | None, as_json: bool) 
 @_seed
 @_json
 def convert(file: Path, form: str, out: Path, rays: int, seed: int, as_json: bool) -> None:
-    """Bring FILE into another basis or into a tensor tree; no light is made or lost.
+    """Bring FILE into another basis or into a tensor tree, and keep its light.
 
-    Values are averaged, without noise. To tree3, what is not isotropic is traced: its mean over all orientations.
+    Values are averaged, without noise; what goes on of evenly diffuse light is told before and after.
+    To tree3, what is not isotropic is traced: its mean over all orientations.
     """
     import numpy as np
 

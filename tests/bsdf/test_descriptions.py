@@ -283,8 +283,8 @@ def test_klems_to_tree_and_back() -> None:
     tree = to_tensor_tree(klems, depth=4, cull_percent=0)
     back = to_klems(tree, KLEMS_QUARTER, incident=3, outgoing=15)
     for component in klems.components():
-        # hemispherical values jump at the edges of patches, and a cell meets them with four directions
-        assert back.diffuse(component) == pytest.approx(klems.diffuse(component), rel=0.02)
+        # hemispherical values jump at the edges of patches and cells, which meet them with 24 x 24 directions
+        assert back.diffuse(component) == pytest.approx(klems.diffuse(component), rel=0.004)
         # cells of the tree straddle the edges of patches: the lobe blurs, by a quarter where it is sharpest
         assert (
             np.abs(back.matrices[component] - klems.matrices[component]).max() < 0.35 * klems.matrices[component].max()
@@ -300,8 +300,8 @@ def test_every_basis_can_be_made_written_and_read(basis: AngleBasis) -> None:
     back = parse_bsdf(render_bsdf(made)).bsdf
     assert isinstance(back, KlemsBsdf) and back.basis == basis
     assert np.allclose(back.matrices[Component.RF], made.matrices[Component.RF], rtol=1e-6, atol=0)
-    # rings of one basis end within patches of the other, which meet them with three directions
-    assert made.diffuse(Component.RF) == pytest.approx(source.diffuse(Component.RF), rel=0.02)
+    # rings of one basis end within patches of the other, which meet them with 24 x 24 directions
+    assert made.diffuse(Component.RF) == pytest.approx(source.diffuse(Component.RF), rel=0.004)
 
 
 def test_conversions_look_values_up_as_evaluate_does() -> None:
