@@ -105,6 +105,23 @@ def sky_model(
     raise DataError(f"there is no sky {sky!r}", f"use {', '.join(MODELS)}, or a map's file")
 
 
+def follows_sun(sky: str) -> bool:
+    """Whether a named sky is brighter about the sun, wherever that is; an unknown name counts as one that is.
+
+    Independent of it are the uniform sky, the overcast ones, and the CIE types whose indicatrix is 1 (group 1 of ISO
+    15469:2004: types 1, 3 and 5).
+    """
+    if sky in ("uniform", "overcast", "ies-overcast"):
+        return False
+    from analysis.sky.standard import CIE_TYPES
+
+    kind = int(sky[4:]) if sky.startswith("cie:") and sky[4:].isdigit() else 0
+    if kind not in CIE_TYPES:
+        return True
+    _, _, c, _, e = CIE_TYPES[kind]
+    return c != 0.0 or e != 0.0
+
+
 def sky_map(path: Path) -> Luminance:
     """Luminance of a measured sky from a Radiance picture or a map file (see `analysis.sky.map`)."""
     from analysis.sky.map import SkyMap

@@ -145,7 +145,7 @@ def changes(system: Any, options: Mapping[str, Any]) -> Any:
 
 def daylight_of(job: Job) -> Any:
     """The daylight of the command line."""
-    from analysis.simulate.daylight import daylight, sky_map
+    from analysis.simulate.daylight import daylight, follows_sun, sky_map
     from analysis.simulate.source import horizontal_illuminance
 
     path = Path(job.sky)
@@ -157,8 +157,7 @@ def daylight_of(job: Job) -> Any:
             raise ConfigError("--diffuse is missing: a model sky needs an illuminance", "or give a calibrated map")
         diffuse = horizontal_illuminance(cast(Any, sky))
     total = diffuse if job.global_lx is None else job.global_lx
-    needs_sun = total > diffuse or job.sky not in ("overcast", "uniform")
-    altitude, azimuth = _sun(job, needed=needs_sun and not (is_map and total <= diffuse))
+    altitude, azimuth = _sun(job, needed=total > diffuse or (not is_map and follows_sun(job.sky)))
     return daylight(altitude, azimuth, total, diffuse, sky, job.name)
 
 
@@ -178,7 +177,11 @@ def _sun(job: Job, needed: bool) -> tuple[float, float]:
         seen = sun_position(_utc_ns(job.time), Site(*place))
         return float(seen.altitude_deg), float(seen.azimuth_deg)
     if needed:
-        raise ConfigError("where is the sun?", "give --sun ALT,AZ or --time UTC")
+        raise ConfigError(
+            "where is the sun?",
+            "give --sun ALT,AZ or --time UTC; only overcast, uniform, cie:1, cie:3, cie:5, ies-overcast and maps "
+            "need none",
+        )
     return 90.0, 0.0
 
 

@@ -118,7 +118,8 @@ def command(
         entry.bsdf = "lens.xml"     (Klems or tensor tree, beside the file)
 
     The sky is scaled to the diffuse illuminance; the sun gets the rest of the global one. Without a global
-    illuminance there is no sun.
+    illuminance there is no sun; skies that are bright about it still need its place (not overcast, uniform, cie:1,
+    cie:3, cie:5, ies-overcast, or a map).
 
     A lens of a file that sends on more light than it gets is told of on standard error.
 

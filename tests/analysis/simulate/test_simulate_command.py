@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from analysis.photometry.lm63 import FileGeneration, read_lm63
+from analysis.simulate.daylight import follows_sun, sky_model
 from labdaq.cli.simulate import command
 from labdaq.errors import ConfigError, DataError, StorageError
 
@@ -78,10 +79,28 @@ def test_time_and_site_place_the_sun(tmp_path: Path) -> None:
     assert report["sun"]["azimuth_deg"] == pytest.approx(85.57, abs=0.05)
 
 
+@pytest.mark.parametrize("sky", ["cie:1", "cie:3", "cie:5", "ies-overcast", "overcast", "uniform"])
+def test_skies_that_do_not_follow_the_sun_need_none(tmp_path: Path, sky: str) -> None:
+    words = ["--diffuse", "15000", "--sky", sky, "--rays", "1000", "--json"]
+    done = simulate("box", "--out", str(tmp_path / "a.ies"), *words)
+    assert done.exit_code == 0, done.exception
+    assert json.loads(done.output)["sun"] is None
+
+
+def test_the_skies_that_follow_the_sun_are_those_whose_luminance_does() -> None:
+    """Luminances for two suns differ for a sky that follows the sun, and for no other."""
+    up = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8], [0.0, 0.0, 1.0]])
+    for name in [*(f"cie:{k}" for k in range(1, 16)), "overcast", "uniform", "ies-overcast", "ies-clear", "clear"]:
+        low, high = (sky_model(name, *sun, 20_000.0, 20_000.0)(up) for sun in ((20.0, 90.0), (60.0, 200.0)))
+        assert np.allclose(low / low[2], high / high[2]) != follows_sun(name), name
+
+
 @pytest.mark.parametrize(
     ("words", "error", "says"),
     [
         ([], ConfigError, "--diffuse"),
+        (["--diffuse", "1000", "--sky", "cie:2"], ConfigError, "where is the sun"),
+        (["--diffuse", "1000", "--sky", "cie:16", "--sun", "30,90"], DataError, "cie:16"),
         (["--diffuse", "1000"], ConfigError, "where is the sun"),
         (["--diffuse", "1000", "--sun", "3"], ConfigError, "--sun"),
         (["--diffuse", "1000", "--sun", "30,90", "--time", "2010-07-22"], ConfigError, "--time"),
