@@ -8,6 +8,7 @@ through a script) read and write this form; columns after the seventh (wavelengt
 import io
 import warnings
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,12 @@ from labdaq.errors import DataError
 from labdaq.whole_file import write_whole_bytes
 
 Floats = NDArray[np.float64]
+
+FORM: Final = (
+    "write a ray a line as x y z l m n flux, blanks, tabs or commas between, e.g. 0.1 -0.2 0.9 0 0 -1 2.5; "
+    "# starts a comment, `# unit: mm` tells another unit than metres"
+)
+"""What text of rays looks like, for who wrote it otherwise."""
 
 _UNITS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048}
 
@@ -40,7 +47,7 @@ def read_rows(path: Path) -> Floats:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: {error}", "give a file of rays: x y z l m n flux") from error
+        raise DataError(f"{path}: {error}", FORM) from error
     unit = 1.0
     first = 0
     for number, line in enumerate(lines):
@@ -61,9 +68,21 @@ def read_rows(path: Path) -> Floats:
     except ValueError:
         raise _first_mistake(path, body, first) from None
     if len(rows) == 0:
-        raise DataError(f"{path}: no rays", "each line holds x y z l m n flux")
+        raise DataError(f"{path}: no rays", FORM)
+    bad = unusable(rows)
+    if bad.any():
+        number, line = _rays(body, first)[int(np.argmax(bad))]
+        raise DataError(
+            f"{path}, line {number}: {_short(line)} has an undefined place or direction, or negative flux", FORM
+        )
     rows[:, :3] *= unit
     return rows
+
+
+def unusable(rows: Floats) -> NDArray[np.bool_]:
+    """Which rows (n, 7) make no ray: a number that is none, a direction without length, or negative flux."""
+    length = np.linalg.norm(rows[:, 3:6], axis=1)
+    return np.asarray(~(np.isfinite(rows).all(axis=1) & (length > 0.0) & (rows[:, 6] >= 0.0)))
 
 
 def _unit(path: Path, number: int, line: str) -> float:
@@ -74,8 +93,17 @@ def _unit(path: Path, number: int, line: str) -> float:
 
 
 def _first_mistake(path: Path, body: list[str], first: int) -> DataError:
-    for number, line in enumerate(body, first + 1):
+    for number, line in _rays(body, first):
         words = line.split("#")[0].split()
-        if words and (len(words) < 7 or not all(is_number(word) for word in words[:7])):
-            return DataError(f"{path}, line {number}: {line.strip()[:60]!r} is not x y z l m n flux")
-    return DataError(f"{path}: cannot be read as rows of x y z l m n flux")
+        if len(words) < 7 or not all(is_number(word) for word in words[:7]):
+            return DataError(f"{path}, line {number}: {_short(line)} is not x y z l m n flux", FORM)
+    return DataError(f"{path}: cannot be read as rows of x y z l m n flux", FORM)
+
+
+def _rays(body: list[str], first: int) -> list[tuple[int, str]]:
+    """The lines that should hold a ray, with their numbers in the file."""
+    return [(number, line) for number, line in enumerate(body, first + 1) if line.split("#")[0].strip()]
+
+
+def _short(line: str) -> str:
+    return repr(line.strip()[:60])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.simulate.daylight import Daylight, sky_source, sun_source
 from analysis.simulate.model import facets, geometry, obstructions
+from analysis.simulate.ray_text import unusable
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from labdaq.errors import DataError
@@ -49,10 +50,10 @@ class RaySet:
         rows = np.asarray(rows, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 7 or len(rows) == 0:
             raise DataError(f"rays of shape {rows.shape} are not rows of x y z l m n flux")
-        length = np.linalg.norm(rows[:, 3:6], axis=1)
-        bad = ~(np.isfinite(rows).all(axis=1) & (length > 0.0) & (rows[:, 6] >= 0.0))
+        bad = unusable(rows)
         if bad.any():
             raise DataError(f"ray {int(np.argmax(bad)) + 1}: undefined place or direction, or negative flux")
+        length = np.linalg.norm(rows[:, 3:6], axis=1)
         return cls(rows[:, :3].copy(), rows[:, 3:6] / length[:, None], rows[:, 6].copy())
 
     @property
@@ -87,7 +88,12 @@ def read_rays(path: Path) -> RaySet:
     from analysis.simulate import ray_text, tm25
 
     _check(path)
-    return RaySet.of(tm25.read_rows(path) if path.suffix.lower() == ".tm25ray" else ray_text.read_rows(path))
+    if path.suffix.lower() != ".tm25ray":
+        return RaySet.of(ray_text.read_rows(path))
+    try:
+        return RaySet.of(tm25.read_rows(path))
+    except DataError as error:
+        raise error if str(path) in error.message else DataError(f"{path}: {error.message}") from error
 
 
 def write_rays(path: Path, rays: RaySet, title: str, when: str = "") -> None:

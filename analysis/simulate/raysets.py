@@ -1,6 +1,7 @@
 """Sources given as rays one by one, e.g. of a ray file: where they meet the cover of a skylight."""
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,11 @@ from analysis.simulate.system import System
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
+
+_WHERE: Final = (
+    "check origin (centre of the aperture), axes (x east, y north, z up; l m n the way that light goes, so n < 0) and "
+    "unit: metres, unless text says e.g. `# unit: mm`"
+)
 
 
 def on_cover(system: System, points: ArrayLike, directions: ArrayLike, flux_lm: ArrayLike) -> Source:
@@ -44,12 +50,23 @@ def on_cover(system: System, points: ArrayLike, directions: ArrayLike, flux_lm: 
     distance, normal = _first_hit(system, start @ to_own.T, travel @ to_own.T)
     hit = np.isfinite(distance)
     if not hit.any():
-        raise DataError("no ray of the set meets the cover", "check origin and unit: metres, centre of the aperture")
+        raise DataError(f"no ray of the set meets the cover; {_whereabouts(system, start, travel)}", _WHERE)
     place = start[hit] + distance[hit, None] * travel[hit]
     open_ = ~between(system.obstructions, place, start[hit])
     if not open_.any():
         raise DataError("every ray of the set that would meet the cover meets an obstruction before")
     return given(place[open_], (normal[hit] @ to_own)[open_], travel[hit][open_], flux[hit][open_])
+
+
+def _whereabouts(system: System, start: Floats, travel: Floats) -> str:
+    """Where the rays start and go, and where the cover is."""
+    low, high = start.min(axis=0), start.max(axis=0)
+    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    top = system.well_depth_m + system.rise_m
+    return (
+        f"they start at {spans} m, {np.mean(travel[:, 2] < 0.0):.0%} of them go down, and the cover is "
+        f"{system.well_depth_m:.4g} to {top:.4g} m above the origin"
+    )
 
 
 def _first_hit(system: System, start: Floats, travel: Floats) -> tuple[Floats, Floats]:

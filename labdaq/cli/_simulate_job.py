@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from labdaq.clock import SystemClock, utc_ns_of, utc_text
-from labdaq.errors import ConfigError
+from labdaq.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,11 @@ def _under_rays(job: Job) -> Any:
     if said:
         raise ConfigError(f"{', '.join(said)}: not with --ray-set, whose rays are all the light, each traced once")
     settings = Settings(seed=job.seed, distance_m=job.distance or 0.0, max_bounces=job.max_bounces, threads=job.threads)
-    return predict_rays(system_of(job), read_rays(job.ray_set), settings, room=_room(job))
+    system, rays = system_of(job), read_rays(job.ray_set)
+    try:
+        return predict_rays(system, rays, settings, room=_room(job))
+    except DataError as error:  # of the rays, which do not know their file
+        raise DataError(f"{job.ray_set}: {error.message}", error.hint) from error
 
 
 def system_of(job: Job) -> Any:

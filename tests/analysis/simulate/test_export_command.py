@@ -20,6 +20,16 @@ def simulate(*words: str) -> Result:
     return CliRunner().invoke(command, list(words))
 
 
+def test_rays_that_miss_are_told_with_their_file_and_where_they_are(tmp_path: Path) -> None:
+    """Places in millimetres that do not say so."""
+    rays = tmp_path / "mm.txt"
+    rays.write_text("100 0 900 0 0 -1 1\n-100 50 900 0 0 -1 1\n")
+    done = simulate("box", "--ray-set", str(rays), "--out", str(tmp_path / "a.ies"))
+    assert isinstance(done.exception, DataError)
+    for words in ("mm.txt: no ray", "x -100 to 100", "z 900 to 900", "100% of them go down", "# unit: mm"):
+        assert words in str(done.exception)
+
+
 def test_a_folder_with_everything_and_back(tmp_path: Path) -> None:
     folder = tmp_path / "box"
     done = simulate("box", "--export", str(folder), *DAY, "--rays", "30000", "--json")
