@@ -1,5 +1,6 @@
 """``labdaq simulate``: the photometry of a skylight under a sky, by its figures or of recorded sessions."""
 
+import contextlib
 import functools
 import json
 from pathlib import Path
@@ -130,9 +131,17 @@ def command(
     --diffuse or a map tells the daylight, --rays (or 100,000) rays of sun and sky as text and TM-25; --ray-set reads
     such files back.
     """
-    if sessions:
-        _sessions(context, sessions, as_json, options)
-        return
+    from labdaq.cli._first_time import compiling_is_told
+
+    with contextlib.nullcontext() if as_json else compiling_is_told():
+        if sessions:
+            _sessions(context, sessions, as_json, options)
+        else:
+            _one(out, as_json, options)
+
+
+def _one(out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
+    """Predict, or export, what the command line tells, and tell of it."""
     from labdaq.cli._simulate_job import Job, run
 
     if options["system"] is None:
