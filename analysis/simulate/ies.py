@@ -58,6 +58,10 @@ def keywords(made: Prediction, field: Field, issued: str, what: str) -> dict[str
             field=field,
         )
     worst = 100.0 * made.field(field).worst_relative()
+    varied = {}
+    if "variant" in made.facts:
+        setting = ", ".join(f"{key} = {value}" for key, value in made.facts["setting"].items())
+        varied = {"_VARIANT": f"{made.facts['variant']}: {setting}"}
     return {
         "TEST": day.name or f"simulation of {made.system.name}",
         "TESTLAB": "labdaq (simulated, not measured)",
@@ -67,5 +71,6 @@ def keywords(made: Prediction, field: Field, issued: str, what: str) -> dict[str
         "_PART": what,
         "_ENGINE": made.engine,
         "_UNCERTAINTY": f"{worst:.2g} % rms, statistics only",
+        **varied,
         **data.keywords(),
     }

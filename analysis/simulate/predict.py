@@ -1,6 +1,7 @@
 """The predicted photometry of one skylight under one daylight, sun part and sky part apart."""
 
 import dataclasses
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from analysis.simulate.prediction import Engine, Prediction, SunAndSky
 from analysis.simulate.rays import RaySet
 from analysis.simulate.raysets import on_cover
 from analysis.simulate.room import Room
-from analysis.simulate.scored import Grid, score
+from analysis.simulate.scored import Grid, Scored, score
 from analysis.simulate.source import Source
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field, Tally
@@ -90,8 +91,8 @@ def predict(
         settings = Settings(
             rays=rays or PILOT, seed=seed, distance_m=distance_m, max_bounces=max_bounces, threads=threads, bounces=1
         )
-        made = _traced(system, daylight, settings, 0.0 if rays else precision, gamma_deg, c_deg, sampler)
-    return made if room is None else _in_room(made, room)
+        made = traced(system, daylight, settings, 0.0 if rays else precision, gamma_deg, c_deg, sampler).prediction()
+    return made if room is None else in_room(made, room)
 
 
 def predict_rays(system: System, rays: RaySet, settings: Settings, *, room: Room | None = None) -> Prediction:
@@ -107,42 +108,78 @@ def predict_rays(system: System, rays: RaySet, settings: Settings, *, room: Room
     facts: dict[str, Any] = {"seed": settings.seed, "max_bounces": settings.max_bounces, "sun": None}
     facts |= {"sky": dataclasses.asdict(tally.balance), "rays": len(rays.flux_lm), "rays_lm": float(rays.flux_lm.sum())}
     made = Prediction(system, day, "tracer", far, near, settings.distance_m, facts)
-    return made if room is None else _in_room(made, room)
+    return made if room is None else in_room(made, room)
 
 
-def _traced(
+@dataclass(frozen=True)
+class Traced:
+    """What was traced for one prediction: the sun, then the sky.
+
+    Attributes
+    ----------
+    tallies
+        None where a part has no light, or was scored and is not needed for the room.
+    scored
+        None where a part was counted.
+    rays
+        Sent for each part that was counted, else 0.
+    """
+
+    system: System
+    daylight: Daylight
+    settings: Settings
+    tallies: tuple[Tally | None, ...]
+    scored: tuple[Scored | None, ...]
+    rays: tuple[int, ...]
+    gamma_deg: Floats
+    c_deg: Floats
+
+    def prediction(self, wall_reflectance: float | None = None, max_bounces: int | None = None) -> Prediction:
+        """Sun part and sky part of it; with another reflectance or bounce limit from the tallies (nothing scored)."""
+        wanted: Field = "near" if self.settings.distance_m > 0.0 else "far"
+        tallies, grid = list(self.tallies), (self.gamma_deg, self.c_deg)
+        weights: dict[str, Any] = {"wall_reflectance": wall_reflectance, "max_bounces": max_bounces}
+        fields = {name: _parts(tallies, name, *grid, **weights) for name in {"far", wanted}}
+        exact = [None if s is None else (Distribution(*grid, s.candela), s.uncertainty) for s in self.scored]
+        fields[wanted] = _replaced(fields[wanted], *exact)
+        facts: dict[str, Any] = {"seed": self.settings.seed, "max_bounces": self.settings.max_bounces}
+        if wall_reflectance is None and max_bounces is None:
+            pairs = zip(("sun", "sky"), self.scored, self.tallies, strict=True)
+            facts |= {name: dataclasses.asdict(it.balance) if (it := s or t) else None for name, s, t in pairs}
+        near = fields["near"] if wanted == "near" else None
+        return Prediction(self.system, self.daylight, "tracer", fields["far"], near, self.settings.distance_m, facts)
+
+
+def traced(
     system: System,
     daylight: Daylight,
     settings: Settings,
     precision: float,
     gamma_deg: Floats,
     c_deg: Floats,
-    sampler: Sampler | None,
-) -> Prediction:
+    sampler: Sampler | None = None,
+    rays: tuple[int, ...] = (0, 0),
+    aureole_deg: float = 0.0,
+) -> Traced:
     """Sun and sky, each scored in few directions where that is possible, else counted.
 
-    The far field beside a near one that is scored is counted, roughly: only the room's light needs it.
+    The far field beside a near one that is scored is counted, roughly: only the room's light needs it. ``rays`` other
+    than 0 are what a counted part takes, whatever the precision; ``aureole_deg`` widens the sun.
     """
-    facts: dict[str, Any] = {"seed": settings.seed, "max_bounces": settings.max_bounces}
     grid = Grid.of(gamma_deg, c_deg)
-    wanted: Field = "near" if settings.distance_m > 0.0 else "far"
-    tallies: list[Tally | None] = []
-    exact: list[tuple[Distribution, Floats] | None] = []
-    for name, source in (("sun", sun_source([daylight])), ("sky", sky_source([daylight]))):
-        scored, tally = None, None
+    near = settings.distance_m > 0.0
+    found: list[tuple[Tally | None, Scored | None, int]] = []
+    for source, given in zip((sun_source([daylight], aureole_deg), sky_source([daylight])), rays, strict=True):
+        scored, tally, sent = None, None, 0
         if source is not None and len(grid.gamma_deg) <= FEW:
             scored = score(system, source, settings, precision, grid, sampler)
-        if source is not None and (scored is None or wanted == "near"):
-            enough = precision if scored is None else 0.0
-            tally = _enough(system, source, settings, enough, gamma_deg, c_deg, sampler)
-        balance = scored.balance if scored else tally.balance if tally else None
-        facts[name] = None if balance is None else dataclasses.asdict(balance)
-        tallies.append(tally)
-        exact.append((Distribution(gamma_deg, c_deg, scored.candela), scored.uncertainty) if scored else None)
-    fields = {name: _parts(tallies, name, gamma_deg, c_deg) for name in {"far", wanted}}
-    fields[wanted] = _replaced(fields[wanted], *exact)
-    near = fields["near"] if wanted == "near" else None
-    return Prediction(system, daylight, "tracer", fields["far"], near, settings.distance_m, facts)
+        if source is not None and (scored is None or near):
+            enough = precision if scored is None and not given else 0.0
+            use = dataclasses.replace(settings, rays=given or settings.rays)
+            tally, sent = _enough(system, source, use, enough, gamma_deg, c_deg, sampler)
+        found.append((tally, scored, sent))
+    tallies, scores, counts = zip(*found, strict=True)
+    return Traced(system, daylight, settings, tallies, scores, counts, gamma_deg, c_deg)
 
 
 def _replaced(
@@ -161,7 +198,7 @@ def _enough(
     gamma_deg: Floats,
     c_deg: Floats,
     sampler: Sampler | None,
-) -> Tally:
+) -> tuple[Tally, int]:
     """Trace as many rays as the precision needs, by a pilot run's uncertainty (or as many as the settings say)."""
 
     def sized(rays: int) -> Settings:
@@ -178,13 +215,21 @@ def _enough(
             break
         rays = int(min(MOST_RAYS, rays * min(400.0, 1.1 * (have / precision) ** 2)))
         tally = trace(system, source, sized(rays), sampler)
-    return tally
+    return tally, rays
 
 
 def _parts(
-    tallies: list[Tally | None], field: Field, gamma_deg: Floats, c_deg: Floats, smoothing: bool = True
+    tallies: list[Tally | None],
+    field: Field,
+    gamma_deg: Floats,
+    c_deg: Floats,
+    smoothing: bool = True,
+    **weights: Any,
 ) -> SunAndSky:
-    """Candela of what was counted; the uncertainty is that of statistics, and of ``smoothing`` if asked for."""
+    """Candela of what was counted; the uncertainty is that of statistics, and of ``smoothing`` if asked for.
+
+    ``weights``: wall reflectance and bounce limit, see `Tally.intensity`.
+    """
     Grid.of(gamma_deg, c_deg)
     found: list[Any] = []
     for tally in tallies:
@@ -192,13 +237,14 @@ def _parts(
             nothing = np.zeros((len(c_deg), len(gamma_deg)))
             found += [Distribution(gamma_deg, c_deg, nothing), nothing]
             continue
-        part = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], field, bias=smoothing)
+        part = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], field, bias=smoothing, **weights)
         error = np.concatenate([part.uncertainty[0], part.uncertainty[0, :1]])
         found += [Distribution.closed(gamma_deg, c_deg[:-1], part.candela[0]), error]
     return SunAndSky(found[0], found[2], found[1], found[3])
 
 
-def _in_room(made: Prediction, room: Room) -> Prediction:
+def in_room(made: Prediction, room: Room) -> Prediction:
+    """A near field with the light that a room adds."""
     assert made.near is not None
     near = made.near
     gamma, c = near.sun.gamma_deg, near.sun.c_deg[:-1]

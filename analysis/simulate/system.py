@@ -104,9 +104,9 @@ def setting_names() -> list[str]:
     return list(walk(_as_dict(System()), ""))
 
 
-def parse_settings(pairs: Iterable[str]) -> dict[str, Any]:
-    """Read ``key=value`` words of a command line; values as in TOML, bare words as strings."""
-    problems = Problems("--set")
+def parse_settings(pairs: Iterable[str], option: str = "--set") -> dict[str, Any]:
+    """Read ``key=value`` words of a command line's option; values as in TOML, bare words as strings."""
+    problems = Problems(option)
     settings: dict[str, Any] = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")
@@ -117,7 +117,7 @@ def parse_settings(pairs: Iterable[str]) -> dict[str, Any]:
             settings[key.strip()] = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             settings[key.strip()] = text.strip()
-    problems.raise_if_any(ConfigError, "write e.g. --set wall.reflectance=0.9")
+    problems.raise_if_any(ConfigError, f"write e.g. {option} wall.reflectance=0.9")
     return settings
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from labdaq.cli._simulate_vary import file_of, parse_varied, told
 from labdaq.clock import SystemClock, utc_ns_of, utc_text
 from labdaq.errors import ConfigError, DataError
 
@@ -42,6 +43,7 @@ class Job:
     name: str
     ray_set: Path | None
     export: Path | None
+    vary: tuple[str, ...] = ()
 
 
 def run(job: Job) -> dict[str, Any]:
@@ -50,37 +52,47 @@ def run(job: Job) -> dict[str, Any]:
     from analysis.simulate.lens_file import bright_lenses
     from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, C_DEG, GAMMA_DEG, predict
     from analysis.simulate.tally import Field
+    from analysis.simulate.varied import predict_varied
 
     if job.room is not None and job.distance is None:
         raise ConfigError("--room is what sensors at a distance see", "give --distance")
     if job.engine == "radiance" and (job.max_bounces is not None or job.isotropic):
         raise ConfigError("--max-bounces and --isotropic are settings of the tracer", "leave them out, or --engine")
+    if job.vary and (job.engine == "radiance" or job.ray_set is not None):
+        raise ConfigError("--vary is for the tracer under a daylight", "leave out --engine radiance and --ray-set")
+    varied: list[Any] = []
     notes = bright_lenses(system_of(job))
     if job.ray_set is not None:
         made = _under_rays(job)
     else:
         gamma_deg, c_deg = (ARM_GAMMA_DEG, ARM_C_DEG) if job.directions == "arm" else (GAMMA_DEG, C_DEG)
-        made = predict(
-            system_of(job),
-            daylight_of(job),
-            engine=job.engine,
-            distance_m=job.distance or 0.0,
-            room=_room(job),
-            precision=job.precision,
-            rays=job.rays or 0,
-            seed=job.seed,
-            max_bounces=job.max_bounces,
-            threads=job.threads,
-            gamma_deg=gamma_deg,
-            c_deg=c_deg,
-        )
+        how: dict[str, Any] = {
+            "distance_m": job.distance or 0.0,
+            "room": _room(job),
+            "precision": job.precision,
+            "rays": job.rays or 0,
+            "seed": job.seed,
+            "max_bounces": job.max_bounces,
+            "threads": job.threads,
+            "gamma_deg": gamma_deg,
+            "c_deg": c_deg,
+        }
+        system, changes_ = system_of(job), parse_varied(job.vary)
+        day = daylight_of(job)
+        if changes_:
+            made, varied = predict_varied(system, day, changes_, **how)
+        else:
+            made = predict(system, day, engine=job.engine, **how)
     field: Field = "far" if job.distance is None else "near"
     issued = utc_text(SystemClock().utc_ns())[:10]
     files = write_prediction(job.out, made, field, issued, parts=job.parts)
+    beside = [write_prediction(file_of(job.out, v.facts["variant"]), v, field, issued, parts=job.parts) for v in varied]
     seen, day = made.field(field), made.daylight
     peak = np.unravel_index(np.argmax(seen.total.candela), seen.total.candela.shape)
     sun = {"altitude_deg": day.sun_altitude_deg, "azimuth_deg": day.sun_azimuth_deg} if day.beam_lx > 0.0 else None
-    given = {} if job.ray_set is None else {"ray_set": str(job.ray_set)}
+    given: dict[str, Any] = {} if job.ray_set is None else {"ray_set": str(job.ray_set)}
+    variants = [told(v, field, written) for v, written in zip(varied, beside, strict=True)]
+    given |= {"variants": variants} if variants else {}
     return given | {
         "files": [str(path) for path in files],
         "system": made.system.name,

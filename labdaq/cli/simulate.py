@@ -83,6 +83,13 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 @click.option("--isotropic", is_flag=True, help="Lenses as an isotropic scatter model sees them.")
 @click.option("--max-bounces", type=click.IntRange(min=0), help="Cut rays after so many wall reflections.")
 @click.option(
+    "--vary",
+    multiple=True,
+    metavar="NAME:KEY=VALUE,...",
+    help="Also write FILE-NAME.ies with these settings (of --set, or max_bounces, rotation_deg, mirrored, isotropic, "
+    "...), under the same random numbers; may be repeated.",
+)
+@click.option(
     "--precision",
     type=click.FloatRange(0.001, 0.5),
     default=0.01,
@@ -127,6 +134,12 @@ def command(
     With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
     found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
 
+    With --vary, what a simulation may get wrong is set otherwise, one NAME at a time. Reflectance and bounces come from
+    the tallies of the baseline where it was counted (--directions fine); the rest is traced again, as many rays:
+
+    \b
+        --vary dull:wall.reflectance=0.85 --vary cut:max_bounces=5 --vary turned:rotation_deg=45,haze=0.1
+
     With --export, solids go to DIR as OBJ and STL, prismatic lenses and the whole skylight as BSDF files, and, when
     --diffuse or a map tells the daylight, --rays (or 100,000) rays of sun and sky as text and TM-25; --ray-set reads
     such files back.
@@ -143,9 +156,12 @@ def command(
 def _one(out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
     """Predict, or export, what the command line tells, and tell of it."""
     from labdaq.cli._simulate_job import Job, run
+    from labdaq.cli._simulate_vary import in_words
 
     if options["system"] is None:
         raise click.UsageError("name a SYSTEM, or give --session")
+    if options["vary"] and out is None:
+        raise click.UsageError("--vary writes beside --out FILE.ies, which is missing")
     if options["export"] is not None:
         from labdaq.cli._simulate_export import export
 
@@ -162,7 +178,12 @@ def _one(out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
     report = run(Job(out=out, **options))
     for note in report["notes"]:
         click.echo(f"note: {note}", err=True)
-    click.echo(json.dumps(report) if as_json else _words(report))
+    if as_json:
+        click.echo(json.dumps(report))
+        return
+    click.echo(_words(report))
+    for variant in report.get("variants", ()):
+        click.echo(in_words(variant, report["flux_lm"]))
 
 
 _OF_SESSIONS = ("system", "sessions", "as_json", "settings", "orientation", "mirrored", "isotropic", "max_bounces",
