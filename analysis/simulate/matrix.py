@@ -2,7 +2,7 @@
 
 Daylight coefficients (Tregenza & Waters 1983, doi:10.1177/096032718301500201) with the aperture's distribution in place
 of an illuminance: candela towards each outgoing direction per cd/m² of each patch, kept by number of wall
-bounces so that wall reflectance and bounce limit stay free. The sun is not in it; see `predict` for that.
+bounces so that wall reflectance and bounce limit stay free. The sun is not in it; see `predict` and `series` for that.
 """
 
 import dataclasses
@@ -54,6 +54,10 @@ class SkylightMatrix:
         Candela per cd/m² by number of wall bounces.
     error : shape (2,)
         Relative standard uncertainty of a uniform sky's prediction, far and near, root mean square over directions.
+    flux, flux_error : shape (patches,) [m² sr]
+        Lumens out of the aperture per cd/m², and their standard uncertainty from statistics.
+    nadir_error : shape (2, patches) [m²]
+        Standard uncertainty of candela at nadir per cd/m², far and near.
     """
 
     system: System
@@ -64,6 +68,9 @@ class SkylightMatrix:
     far: Singles
     near: Singles
     error: Floats
+    flux: Floats
+    flux_error: Floats
+    nadir_error: Floats
     _memory: dict[Any, Floats] = dataclasses.field(default_factory=dict, repr=False)
 
     @property
@@ -71,12 +78,19 @@ class SkylightMatrix:
         """Number of sky patches."""
         return int(self.far.shape[1])
 
-    def patch_luminances(self, sky: Luminance) -> Floats:
-        """Mean luminance [cd/m²] of a sky's patches, shape (patches,)."""
-        group, count = _groups(self.subdivision)
-        sums = np.bincount(group, weights=cell_luminance(sky, SKY_SIDE), minlength=count)
-        means: Floats = sums / np.bincount(group, minlength=count)
-        return means
+    def patch_luminances(self, sky: Luminance, diffuse_lx: float | None = None, parts: int = 3) -> Floats:
+        """Mean luminance [cd/m²] of a sky's patches, shape (patches,).
+
+        With ``diffuse_lx`` the sky is scaled to that horizontal illuminance [lx]; a black one stays black. It is read
+        at ``parts`` squared points of each of `SKY_SIDE` squared cells.
+        """
+        group, up, size = _groups(self.subdivision)
+        cells = cell_luminance(sky, SKY_SIDE, parts)
+        means: Floats = np.bincount(group, weights=cells, minlength=len(size)) / size
+        if diffuse_lx is None:
+            return means
+        total = float(cells @ up) * 2.0 * np.pi / SKY_SIDE**2
+        return means * (diffuse_lx / total if total > 0.0 else 0.0)
 
     def predict(
         self,
@@ -157,19 +171,30 @@ def skylight_matrix(
 
     found = kept("matrices", recipe, make)
     return SkylightMatrix(
-        system, subdivision, gamma_deg, c_deg, distance_m, found["far"], found["near"], found["error"]
+        system,
+        subdivision,
+        gamma_deg,
+        c_deg,
+        distance_m,
+        found["far"],
+        found["near"],
+        found["error"],
+        found["flux"],
+        found["flux_error"],
+        found["nadir_error"],
     )
 
 
 @functools.lru_cache(maxsize=4)
-def _groups(subdivision: int) -> tuple[Whole, int]:
-    """The patch of each cell of the sky's square, and the number of patches."""
+def _groups(subdivision: int) -> tuple[Whole, Floats, Whole]:
+    """The patch of each cell of the sky's square, the sine of its altitude, and the number of each patch's cells."""
     from analysis.simulate.source import cell_directions
     from analysis.sky.patches import reinhart
 
     made = reinhart(subdivision)
     x, y, z = cell_directions(SKY_SIDE, 1)
-    return made.index(np.concatenate([x, y, z], axis=1)), made.count
+    group = made.index(np.concatenate([x, y, z], axis=1))
+    return group, z[:, 0], np.bincount(group, minlength=made.count)
 
 
 def _traced(
@@ -181,25 +206,30 @@ def _traced(
     c_deg: Floats,
     sampler: Sampler | None,
 ) -> dict[str, NDArray[Any]]:
-    group, count = _groups(subdivision)
+    group, _, cells = _groups(subdivision)
+    count = len(cells)
     use = smoother(gamma_deg[None, :], c_deg[:-1, None], (_SIDES, _SIDES), (6.5,), (8.5,))
     fields: dict[str, list[Any]] = {"far": [], "near": []}
     variance = np.zeros((2, (len(c_deg) - 1) * len(gamma_deg)))
+    flux, nadir = np.zeros((2, count)), np.zeros((2, count))
     for first in range(0, count, _GROUP):
         size = min(_GROUP, count - first)
         member = np.where((group >= first) & (group < first + size), group - first, -1)
         run = dataclasses.replace(settings, rays=rays_per_patch * size, seed=settings.seed + first)
         tally = trace(system, patches(SKY_SIDE, member, size), run, sampler)
+        flux[:, first : first + size] = tally.flux()
         for f, rows in enumerate(fields.values()):
             by_bounce = tally.by_bounce(gamma_deg[None, :], c_deg[:-1, None], "near" if f else "far", use)
             rows.append(by_bounce.reshape(len(by_bounce), size, -1).astype(np.float32))
             whole = tally.intensity(gamma_deg[None, :], c_deg[:-1, None], "near" if f else "far", smoothing=use)
+            nadir[f, first : first + size] = whole.uncertainty[:, 0, 0]
             variance[f] += (whole.uncertainty.reshape(size, -1) ** 2).sum(axis=0)
     made = {name: np.concatenate(rows, axis=1) for name, rows in fields.items()}
     used = max(1, *(int(np.max(np.nonzero(m.any(axis=(1, 2)))[0])) + 1 for m in made.values()))
     made = {name: m[:used] for name, m in made.items()}
     totals = [m.sum(axis=(0, 1)) for m in made.values()]
-    return made | {"error": np.array([_relative(v, t) for v, t in zip(variance, totals, strict=True)])}
+    error = np.array([_relative(v, t) for v, t in zip(variance, totals, strict=True)])
+    return made | {"error": error, "flux": flux[0], "flux_error": flux[1], "nadir_error": nadir}
 
 
 def _relative(variance: Floats, total: Floats) -> float:

@@ -44,6 +44,7 @@ class Job:
     ray_set: Path | None
     export: Path | None
     vary: tuple[str, ...] = ()
+    series: Path | None = None
 
 
 def run(job: Job) -> dict[str, Any]:
@@ -182,14 +183,14 @@ def _sun(job: Job, needed: bool) -> tuple[float, float]:
     if job.sun is not None and job.time is not None:
         raise ConfigError("--sun and --time both say where the sun is", "leave one out")
     if job.sun is not None:
-        altitude, azimuth = _numbers("--sun", job.sun, (2,))
+        altitude, azimuth = numbers("--sun", job.sun, (2,))
         if not -90.0 <= altitude <= 90.0:
             raise ConfigError(f"--sun: an altitude of {altitude:g} degrees")
         return altitude, azimuth
     if job.time is not None:
         from analysis.sky.sun import Site, sun_position
 
-        place = _numbers("--site", job.site, (2, 3))
+        place = numbers("--site", job.site, (2, 3))
         seen = sun_position(_utc_ns(job.time), Site(*place))
         return float(seen.altitude_deg), float(seen.azimuth_deg)
     if needed:
@@ -209,7 +210,8 @@ def _utc_ns(text: str) -> int:
     return utc_ns_of(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
 
 
-def _numbers(option: str, text: str, counts: tuple[int, ...]) -> list[float]:
+def numbers(option: str, text: str, counts: tuple[int, ...]) -> list[float]:
+    """The numbers of an option's text, as many as one of ``counts``; raises `ConfigError`."""
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
@@ -224,6 +226,6 @@ def _room(job: Job) -> Any:
         return None
     from analysis.simulate.room import Room
 
-    wall, *floor = _numbers("--room", job.room, (1, 2))
+    wall, *floor = numbers("--room", job.room, (1, 2))
     half_angle = 90.0 if job.no_shields else 60.0
     return Room(wall=wall, ceiling=wall, floor=floor[0] if floor else wall, half_angle_deg=half_angle)

@@ -28,13 +28,19 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
 
 @click.command("simulate", short_help="Predict the photometry of a skylight.")
 @click.argument("system", metavar="[SYSTEM]", required=False)
-@click.option("--out", type=click.Path(path_type=Path), help="LM-63 file to write (.ies).")
+@click.option("--out", type=click.Path(path_type=Path), help="LM-63 file to write (.ies); a .csv with --series.")
 @click.option(
     "--session",
     "sessions",
     multiple=True,
     type=click.Path(path_type=Path),
     help="Predict a processed session under its own sky, in the near field; may be repeated.",
+)
+@click.option(
+    "--series",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Predict flux and light below at each moment of a table (.csv) or a year's weather (.epw); --out is a .csv.",
 )
 @click.option(
     "--ray-set",
@@ -58,7 +64,7 @@ def _list_settings(context: click.Context, _: click.Parameter, wanted: bool) -> 
     default="34.2176,-82.1084,180",
     show_default=True,
     metavar="LAT,LON,ELEV",
-    help="Site for --time [deg, m].",
+    help="Site for --time, and for times of --series [deg, m].",
 )
 @click.option("--engine", type=click.Choice(["tracer", "radiance"]), default="tracer", show_default=True)
 @click.option(
@@ -134,6 +140,9 @@ def command(
     With --session, the skylight is the one the session names (or SYSTEM), sun and sky are those that `labdaq process`
     found, and the files are SESSION/derived/simulated.ies, simulated-sun.ies and simulated-sky.ies.
 
+    With --series, a table of moments (time in UTC, or sun_altitude_deg and sun_azimuth_deg; global_lx, diffuse_lx)
+    or an EnergyPlus weather file becomes a table of flux [lm], candela at nadir and, with --distance, lux right below.
+
     With --vary, what a simulation may get wrong is set otherwise, one NAME at a time. Reflectance and bounces come from
     the tallies of the baseline where it was counted (--directions fine); the rest is traced again, as many rays:
 
@@ -149,6 +158,8 @@ def command(
     with contextlib.nullcontext() if as_json else compiling_is_told():
         if sessions:
             _sessions(context, sessions, as_json, options)
+        elif options["series"] is not None:
+            _series(context, out, as_json, options)
         else:
             _one(out, as_json, options)
 
@@ -198,12 +209,7 @@ def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool,
     from labdaq.cli._simulate_job import changes
 
     given = context.get_parameter_source
-    odd = [
-        parameter.opts[0]
-        for parameter in context.command.params
-        if parameter.name not in _OF_SESSIONS and given(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
-    ]
-    if odd:
+    if odd := _others(context, _OF_SESSIONS):
         raise click.UsageError(f"{', '.join(odd)}: not with --session, which tells daylight, distance and place")
     exact = {"precision": options["precision"]} if given("precision") is click.core.ParameterSource.COMMANDLINE else {}
     notes: dict[str, None] = {}
@@ -236,6 +242,33 @@ def _sessions(context: click.Context, sessions: tuple[Path, ...], as_json: bool,
             f"{account['flux_lm']:.4g} lm, {account['flux_sun_lm']:.4g} of them from the sun; "
             f"statistical uncertainty {100 * account['uncertainty']:.2g} % rms"
         )
+
+
+def _others(context: click.Context, known: tuple[str, ...]) -> list[str]:
+    """Options on the command line that are not among those known."""
+    given = context.get_parameter_source
+    return [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name not in known and given(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
+    ]
+
+
+def _series(context: click.Context, out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
+    """Predict the moments of a table, and tell of them."""
+    from labdaq.cli._simulate_series import OPTIONS, in_words, run_series
+
+    if odd := _others(context, OPTIONS):
+        raise click.UsageError(f"{', '.join(odd)}: not with --series, whose moments are traced with --rays a sun")
+    placed = context.get_parameter_source("site") is click.core.ParameterSource.COMMANDLINE
+    if placed and options["series"].suffix.lower() == ".epw":
+        raise click.UsageError("--site: an .epw file has its own")
+    if options["system"] is None or out is None or out.suffix.lower() != ".csv":
+        raise click.UsageError("--series needs a SYSTEM and --out FILE.csv")
+    if not out.parent.is_dir():
+        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
+    report = run_series(options, out)
+    click.echo(json.dumps(report) if as_json else in_words(report))
 
 
 def _words(report: dict[str, Any]) -> str:

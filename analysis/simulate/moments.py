@@ -1,0 +1,191 @@
+"""Tables of moments: where the sun was, and how much light came from it and from the sky.
+
+* ``.csv`` with a line of names: ``time`` (ISO 8601; UTC where it says no zone) or ``sun_altitude_deg`` and
+  ``sun_azimuth_deg``, or all three; ``diffuse_lx``; ``global_lx`` where there is a sun. Other columns are not read.
+* ``.epw``, the hourly weather of a year for EnergyPlus (Auxiliary Programs: EnergyPlus Weather File Data Dictionary).
+  Irradiances become illuminances by Perez's luminous efficacies (1990, doi:10.1016/0038-092X(90)90055-H) with the
+  water that the dew point tells; the file's own illuminances, which many files lack, are not read. The sun stands
+  where it is in the middle of the hour.
+"""
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.sky.clearness import beam_efficacy, diffuse_efficacy, from_irradiances
+from analysis.sky.sun import Site, distance_factor, sun_position
+from labdaq.clock import utc_ns_of, utc_text
+from labdaq.errors import DataError, Problems
+
+Floats = NDArray[np.float64]
+
+FORM: Final = (
+    "name the columns time (e.g. 2010-07-22T13:12:00Z) or sun_altitude_deg,sun_azimuth_deg, then global_lx,diffuse_lx; "
+    "or give an .epw file"
+)
+SUN: Final = ("sun_altitude_deg", "sun_azimuth_deg")
+MOST_TOLD: Final = 20
+"""Mistakes of one file that are listed."""
+
+_HEAD: Final = 8
+"""Lines of an .epw before its hours."""
+
+_DEW, _NORMAL, _DIFFUSE, _FIELDS = 7, 14, 15, 16
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Suns and illuminances.
+
+    Attributes
+    ----------
+    times
+        UTC as text, empty where none was told.
+    altitude_deg, azimuth_deg : shape (n,) [deg]
+        Sun as seen; azimuth from north through east.
+    beam_lx, diffuse_lx : shape (n,) [lx]
+        On the horizontal.
+    """
+
+    times: tuple[str, ...]
+    altitude_deg: Floats
+    azimuth_deg: Floats
+    beam_lx: Floats
+    diffuse_lx: Floats
+
+
+def read_moments(path: Path, site: Site) -> Moments:
+    """Read a table by its suffix; ``site`` places the sun for a table of times (an .epw has its own).
+
+    Raises one `DataError` with the file, and line and column of each mistake.
+    """
+    reader = {".csv": lambda rows: _table(path, rows, site), ".epw": lambda rows: _weather(path, rows)}
+    if path.suffix.lower() not in reader:
+        raise DataError(f"{path}: a table of moments ends in .csv or .epw", FORM)
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            return reader[path.suffix.lower()](list(csv.reader(file)))
+    except (OSError, csv.Error) as error:
+        raise DataError(f"{path}: {error}", FORM) from error
+
+
+def _table(path: Path, rows: list[list[str]], site: Site) -> Moments:
+    names = [name.strip() for name in rows[0]] if rows else []
+    placed = set(SUN) <= set(names)
+    missing = [] if placed or "time" in names else ["time"]
+    missing += [] if "diffuse_lx" in names else ["diffuse_lx"]
+    if missing:
+        raise DataError(f"{path}, line 1: no column {' and '.join(missing)} in {', '.join(names) or 'nothing'}", FORM)
+    problems = Problems(str(path))
+    times, values = [], []
+    for line, row in enumerate(rows[1:], 2):
+        if not any(word.strip() for word in row):
+            continue
+        cells = dict(zip(names, (word.strip() for word in row), strict=False))
+        ask = _asker(cells, line, problems)
+        times.append(_time(cells["time"], line, problems) if cells.get("time") or not placed else None)
+        sun = (ask(SUN[0], -90.0, 90.0), ask(SUN[1], -360.0, 360.0)) if placed else (0.0, 0.0)
+        diffuse = ask("diffuse_lx", 0.0, 2e5)
+        total = ask("global_lx", 0.0, 2e5) if "global_lx" in names else diffuse
+        if total < 0.98 * diffuse:
+            problems.add(f"line {line}: global_lx", f"{total:g} is less than the diffuse {diffuse:g}")
+        if placed and total > diffuse and sun[0] <= 0.0:
+            problems.add(f"line {line}: {SUN[0]}", f"a beam of {total - diffuse:g} lx from a sun at {sun[0]:g} degrees")
+        values.append((*sun, max(total - diffuse, 0.0), diffuse))
+        if len(problems.found) >= MOST_TOLD:
+            break
+    problems.raise_if_any(DataError, FORM)
+    if not values:
+        raise DataError(f"{path}: no moments below its line of names", FORM)
+    altitude, azimuth, beam, diffuse_lx = np.array(values, dtype=np.float64).T
+    if not placed:
+        seen = sun_position(np.array(times, dtype=np.int64), site)
+        altitude, azimuth = seen.altitude_deg, seen.azimuth_deg
+        for k in np.flatnonzero((beam > 0.0) & (altitude <= 0.0))[:MOST_TOLD]:
+            when = utc_text(int(times[k] or 0))
+            problems.add(when, f"a beam of {beam[k]:g} lx from a sun at {altitude[k]:.2f} degrees (site, time in UTC?)")
+        problems.raise_if_any(DataError, "check --site and the zone of the times, or let global be diffuse")
+    texts = tuple("" if ns is None else utc_text(ns) for ns in times)
+    return Moments(texts, altitude, azimuth, beam, diffuse_lx)
+
+
+def _asker(cells: Mapping[str, str], line: int, problems: Problems) -> Callable[[str, float, float], float]:
+    def ask(name: str, low: float, high: float) -> float:
+        text = cells.get(name, "")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            problems.add(f"line {line}: {name}", f"{text!r} is not a number from {low:g} to {high:g}")
+            return low
+        return value
+
+    return ask
+
+
+def _time(text: str, line: int, problems: Problems) -> int | None:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        problems.add(f"line {line}: time", f"{text!r} is not a time such as 2010-07-22T13:12:00Z")
+        return None
+    return utc_ns_of(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
+
+
+def _weather(path: Path, rows: list[list[str]]) -> Moments:
+    if len(rows) <= _HEAD or not rows[0] or rows[0][0] != "LOCATION" or rows[7][0] != "DATA PERIODS":
+        raise DataError(f"{path}, line 1: is not an EPW file", "it starts with LOCATION and has eight lines of header")
+    problems = Problems(str(path))
+    place = _asker(dict(zip(("latitude", "longitude", "zone", "elevation"), rows[0][6:10], strict=False)), 1, problems)
+    site = Site(place("latitude", -90, 90), place("longitude", -180, 180), place("elevation", -500, 9000))
+    zone = timedelta(hours=place("zone", -14, 14))
+    if rows[7][2:3] != ["1"]:
+        problems.add("line 8", "its records are not hourly")
+    times, found = [], []
+    for line, row in enumerate(rows[_HEAD:], _HEAD + 1):
+        if not row:
+            continue
+        names = {"normal irradiance": _NORMAL, "diffuse irradiance": _DIFFUSE, "dew point": _DEW}
+        ask = _asker({name: row[k] for name, k in names.items() if k < len(row)}, line, problems)
+        try:
+            year, month, day, hour = (int(word) for word in row[:4])
+            middle = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hour - 0.5) - zone
+            times.append(utc_ns_of(middle))
+        except ValueError:
+            problems.add(f"line {line}", f"{','.join(row[:4])} is no year, month, day, hour")
+        normal, diffuse = ask("normal irradiance", 0, 1500), ask("diffuse irradiance", 0, 1500)
+        found.append((normal, diffuse, ask("dew point", -99, 100)))
+        if len(problems.found) >= MOST_TOLD:
+            break
+    problems.raise_if_any(DataError, "9999 stands for what is missing: fill it, or leave such hours out")
+    utc_ns = np.array(times, dtype=np.int64)
+    seen = sun_position(utc_ns, site)
+    lit = [
+        _illuminances(*irradiances, float(low), float(high), float(factor))
+        for irradiances, low, high, factor in zip(
+            found, seen.geometric_altitude_deg, seen.altitude_deg, distance_factor(utc_ns), strict=True
+        )
+    ]
+    beam, diffuse_lx = np.array(lit, dtype=np.float64).reshape(-1, 2).T
+    return Moments(tuple(utc_text(ns) for ns in times), seen.altitude_deg, seen.azimuth_deg, beam, diffuse_lx)
+
+
+def _illuminances(
+    normal: float, diffuse: float, dew_deg: float, geometric_deg: float, seen_deg: float, factor: float
+) -> tuple[float, float]:
+    """Beam and diffuse illuminance on the horizontal [lx] of irradiances [W/m²] and a dew point [°C]."""
+    if normal <= 0.0 and diffuse <= 0.0:
+        return 0.0, 0.0
+    sky = from_irradiances(normal, max(diffuse, 1.0), geometric_deg, factor)
+    zenith = math.radians(min(90.0, 90.0 - geometric_deg))
+    water_cm = math.exp(0.07 * dew_deg - 0.075) if dew_deg < 99.0 else 2.0
+    up = max(0.0, math.sin(math.radians(seen_deg)))
+    return normal * up * beam_efficacy(sky, zenith, water_cm), diffuse * diffuse_efficacy(sky, zenith, water_cm)

@@ -1,0 +1,122 @@
+"""`labdaq simulate --series`: many moments, each as a prediction of its own would have it."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from analysis.simulate.daylight import daylight
+from analysis.simulate.moments import read_moments
+from analysis.simulate.predict import predict
+from analysis.simulate.system import named
+from analysis.sky.sun import GREENWOOD
+from labdaq.cli.simulate import command
+from labdaq.errors import DataError, LabdaqError
+
+OPEN = ["--set", "entry.kind=clear", "--set", "exit.kind=none"]
+TABLE = """sun_altitude_deg,sun_azimuth_deg,global_lx,diffuse_lx,remark
+31.17,85.57,45717,17343,a morning
+55,200,20000,20000,no sun
+-5,270,0,0,night
+"""
+HEAD = (
+    "LOCATION,Greenwood,SC,USA,made,0,34.2176,-82.1084,-5.0,180.0\nDESIGN CONDITIONS,0\nTYPICAL/EXTREME PERIODS,0\n"
+    "GROUND TEMPERATURES,0\nHOLIDAYS/DAYLIGHT SAVINGS,No,0,0,0\nCOMMENTS 1,\nCOMMENTS 2,\n"
+    "DATA PERIODS,1,1,Data,Sunday,1/1,12/31\n"
+)
+HOUR = "2010,7,22,{hour},60,?,25,15,50,99000,0,0,300,0,{normal},{diffuse},0,0,0,0,0,0,5,5,9999,99999,9,9,20,0,0,88,0\n"
+
+
+def simulate(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words))
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_moments_are_those_of_predictions(tmp_path: Path) -> None:
+    """Sun within three of the stated uncertainties, sky within 2 %: patches of 12 degrees (docs/simulation.md)."""
+    (tmp_path / "m.csv").write_text(TABLE)
+    out = tmp_path / "out.csv"
+    words = ["--series", str(tmp_path / "m.csv"), "--out", str(out), "--distance", "2.6", "--json"]
+    done = simulate("box", *words, *OPEN)
+    assert done.exit_code == 0, done.exception
+    report = json.loads(done.output)
+    assert (report["moments"], report["lit"], report["suns"]) == (3, 2, 1)
+    rows = rows_of(out)
+    system = named("box").with_settings({"entry.kind": "clear", "exit.kind": "none"})
+    for row, day in zip(rows, ((31.17, 85.57, 45_717.0, 17_343.0), (55.0, 200.0, 20_000.0, 20_000.0)), strict=False):
+        made = predict(system, daylight(*day), rays=100_000, distance_m=2.6)
+        sun, sky = made.facts["sun"], made.facts["sky"]
+        error = 3.0 * float(row["flux_uncertainty_lm"])
+        assert float(row["flux_sun_lm"]) == pytest.approx(sun["out"] if sun else 0.0, abs=error)
+        assert float(row["flux_sky_lm"]) == pytest.approx(sky["out"], rel=0.02)
+        assert made.near is not None
+        below = made.near.sky.candela[0, 0] / 2.6**2
+        assert float(row["below_sky_lx"]) == pytest.approx(below, rel=0.1)
+    assert float(rows[2]["flux_lm"]) == 0.0 and "time" not in rows[0]
+
+
+def test_times_place_the_sun(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("time,global_lx,diffuse_lx\n2010-07-22T09:13:22-04:00,45717,17343\n")
+    moments = read_moments(tmp_path / "m.csv", GREENWOOD)
+    assert moments.times == ("2010-07-22T13:13:22.000Z",)
+    assert moments.altitude_deg[0] == pytest.approx(31.198, abs=0.05)
+    assert moments.beam_lx[0] == 45_717.0 - 17_343.0
+
+
+def test_a_weather_file(tmp_path: Path) -> None:
+    """Clear air at noon: some 105 lm/W of the beam, 130 of the blue sky (Perez 1990); the sun in mid hour."""
+    path = tmp_path / "day.epw"
+    light = {hour: (800, 120) if 7 <= hour <= 18 else (0, 0) for hour in range(1, 25)}
+    path.write_text(HEAD + "".join(HOUR.format(hour=h, normal=n, diffuse=d) for h, (n, d) in light.items()))
+    moments = read_moments(path, GREENWOOD)
+    assert moments.times[12] == "2010-07-22T17:30:00.000Z"
+    up = np.sin(np.radians(moments.altitude_deg[12]))
+    assert moments.altitude_deg[12] == pytest.approx(75.9, abs=0.3)
+    assert 98.0 < moments.beam_lx[12] / (800 * up) < 112.0
+    assert 115.0 < moments.diffuse_lx[12] / 120 < 145.0
+    assert np.all(moments.beam_lx[[0, 1, 22, 23]] == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("m.csv", "", "line 1: no column time and diffuse_lx"),
+        ("m.csv", "time,diffuse_lx\n", "no moments"),
+        ("m.csv", "time,diffuse_lx\nnoon,10\n2010-07-22,dark\n", "line 2: time.*noon.*line 3: diffuse_lx.*dark"),
+        ("m.csv", "time,global_lx,diffuse_lx\n2010-07-22T03:00:00Z,9000,10\n", "2010-07-22T03.*a beam.*--site"),
+        ("m.csv", TABLE + "3,4,10,20,\n", "line 5: global_lx"),
+        ("m.csv", TABLE + "-3,4,20,10,\n", "line 5: sun_altitude_deg"),
+        ("m.txt", TABLE, "ends in .csv or .epw"),
+        ("m.epw", TABLE, "not an EPW"),
+        ("m.epw", HEAD + HOUR.format(hour=1, normal=9999, diffuse=0), "line 9: normal irradiance: '9999'"),
+        ("m.epw", HEAD.replace("PERIODS,1,1", "PERIODS,1,4") + HOUR.format(hour=1, normal=0, diffuse=0), "hourly"),
+        ("none.csv", None, "none.csv"),
+    ],
+)
+def test_mistakes_in_tables_are_named(tmp_path: Path, name: str, text: str | None, says: str) -> None:
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    done = simulate("box", "--series", str(tmp_path / name), "--out", str(tmp_path / "out.csv"))
+    assert isinstance(done.exception, DataError)
+    with pytest.raises(DataError, match=f"(?s){says}"):
+        raise done.exception
+    assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("words", [["--diffuse", "1"], ["--parts"], ["--site", "1,2"], ["--out", "a.ies"]])
+def test_what_the_table_tells_is_not_told_again(tmp_path: Path, words: list[str]) -> None:
+    path = tmp_path / "m.epw"
+    out = [] if "--out" in words else ["--out", str(tmp_path / "out.csv")]
+    assert simulate("box", "--series", str(path), *out, *words).exit_code == 2
+
+
+def test_a_map_is_of_one_moment(tmp_path: Path) -> None:
+    done = simulate("box", "--series", "m.csv", "--out", str(tmp_path / "o.csv"), "--sky", "a.hdr")
+    assert isinstance(done.exception, LabdaqError) and "one moment" in str(done.exception)
