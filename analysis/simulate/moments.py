@@ -37,7 +37,8 @@ MOST_TOLD: Final = 20
 _HEAD: Final = 8
 """Lines of an .epw before its hours."""
 
-_DEW, _NORMAL, _DIFFUSE, _FIELDS = 7, 14, 15, 16
+_USED: Final = {"dni": (0.0, 1500.0), "dhi": (0.0, 1500.0), "temp_dew": (-99.0, 100.0)}
+"""pvlib's names of what is used: normal and diffuse irradiance [W/m²], dew point [°C]; and what they may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +67,13 @@ def read_moments(path: Path, site: Site) -> Moments:
 
     Raises one `DataError` with the file, and line and column of each mistake.
     """
-    reader = {".csv": lambda rows: _table(path, rows, site), ".epw": lambda rows: _weather(path, rows)}
-    if path.suffix.lower() not in reader:
+    if path.suffix.lower() == ".epw":
+        return _weather(path)
+    if path.suffix.lower() != ".csv":
         raise DataError(f"{path}: a table of moments ends in .csv or .epw", FORM)
     try:
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-            return reader[path.suffix.lower()](list(csv.reader(file)))
+            return _table(path, list(csv.reader(file)), site)
     except (OSError, csv.Error) as error:
         raise DataError(f"{path}: {error}", FORM) from error
 
@@ -140,42 +142,34 @@ def _time(text: str, line: int, problems: Problems) -> int | None:
     return utc_ns_of(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
 
 
-def _weather(path: Path, rows: list[list[str]]) -> Moments:
-    if len(rows) <= _HEAD or not rows[0] or rows[0][0] != "LOCATION" or rows[7][0] != "DATA PERIODS":
-        raise DataError(f"{path}, line 1: is not an EPW file", "it starts with LOCATION and has eight lines of header")
+def _weather(path: Path) -> Moments:
+    """A year's weather as pvlib reads it, with the range of what is used checked; the sun in the middle of the hour."""
+    from pandas import to_numeric
+    from pvlib.iotools import read_epw
+
+    try:
+        hours, place = read_epw(path)
+        middle = (hours.index + timedelta(minutes=30)).tz_convert("UTC")
+    except OSError as error:
+        raise DataError(f"{path}: {error}", FORM) from error
+    except (ValueError, KeyError, AttributeError) as error:  # of pandas, too
+        raise DataError(
+            f"{path}: is not an EPW file ({error})", "it starts with LOCATION and eight lines of header"
+        ) from None
     problems = Problems(str(path))
-    place = _asker(dict(zip(("latitude", "longitude", "zone", "elevation"), rows[0][6:10], strict=False)), 1, problems)
-    site = Site(place("latitude", -90, 90), place("longitude", -180, 180), place("elevation", -500, 9000))
-    zone = timedelta(hours=place("zone", -14, 14))
-    if rows[7][2:3] != ["1"]:
+    if middle.has_duplicates:
         problems.add("line 8", "its records are not hourly")
-    times, found = [], []
-    for line, row in enumerate(rows[_HEAD:], _HEAD + 1):
-        if not row:
-            continue
-        names = {"normal irradiance": _NORMAL, "diffuse irradiance": _DIFFUSE, "dew point": _DEW}
-        ask = _asker({name: row[k] for name, k in names.items() if k < len(row)}, line, problems)
-        try:
-            year, month, day, hour = (int(word) for word in row[:4])
-            middle = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hour - 0.5) - zone
-            times.append(utc_ns_of(middle))
-        except ValueError:
-            problems.add(f"line {line}", f"{','.join(row[:4])} is no year, month, day, hour")
-        normal, diffuse = ask("normal irradiance", 0, 1500), ask("diffuse irradiance", 0, 1500)
-        found.append((normal, diffuse, ask("dew point", -99, 100)))
-        if len(problems.found) >= MOST_TOLD:
-            break
+    weather = {name: to_numeric(hours[name], errors="coerce").to_numpy(dtype=np.float64) for name in _USED}
+    for name, (low, high) in _USED.items():
+        for k in np.flatnonzero(~((weather[name] >= low) & (weather[name] <= high)))[:MOST_TOLD]:
+            problems.add(f"line {k + _HEAD + 1}: {name}", f"{hours[name].iloc[k]} is not from {low:g} to {high:g}")
     problems.raise_if_any(DataError, "9999 stands for what is missing: fill it, or leave such hours out")
-    utc_ns = np.array(times, dtype=np.int64)
-    seen = sun_position(utc_ns, site)
-    lit = [
-        _illuminances(*irradiances, float(low), float(high), float(factor))
-        for irradiances, low, high, factor in zip(
-            found, seen.geometric_altitude_deg, seen.altitude_deg, distance_factor(utc_ns), strict=True
-        )
-    ]
+    utc_ns = middle.as_unit("ns").asi8
+    seen = sun_position(utc_ns, Site(place["latitude"], place["longitude"], place["altitude"]))
+    columns = (*weather.values(), seen.geometric_altitude_deg, seen.altitude_deg, distance_factor(utc_ns))
+    lit = [_illuminances(*(float(value) for value in row)) for row in zip(*columns, strict=True)]
     beam, diffuse_lx = np.array(lit, dtype=np.float64).reshape(-1, 2).T
-    return Moments(tuple(utc_text(ns) for ns in times), seen.altitude_deg, seen.azimuth_deg, beam, diffuse_lx)
+    return Moments(tuple(utc_text(int(ns)) for ns in utc_ns), seen.altitude_deg, seen.azimuth_deg, beam, diffuse_lx)
 
 
 def _illuminances(

@@ -27,7 +27,9 @@ HEAD = (
     "GROUND TEMPERATURES,0\nHOLIDAYS/DAYLIGHT SAVINGS,No,0,0,0\nCOMMENTS 1,\nCOMMENTS 2,\n"
     "DATA PERIODS,1,1,Data,Sunday,1/1,12/31\n"
 )
-HOUR = "2010,7,22,{hour},60,?,25,15,50,99000,0,0,300,0,{normal},{diffuse},0,0,0,0,0,0,5,5,9999,99999,9,9,20,0,0,88,0\n"
+HOUR = (
+    "2010,7,22,{hour},60,?,25,15,50,99000,0,0,300,0,{normal},{diffuse},0,0,0,0,0,0,5,5,9999,99999,9,9,20,0,0,88,0,0,1\n"
+)
 
 
 def simulate(*words: str) -> Result:
@@ -95,8 +97,10 @@ def test_a_weather_file(tmp_path: Path) -> None:
         ("m.csv", TABLE + "-3,4,20,10,\n", "line 5: sun_altitude_deg"),
         ("m.txt", TABLE, "ends in .csv or .epw"),
         ("m.epw", TABLE, "not an EPW"),
-        ("m.epw", HEAD + HOUR.format(hour=1, normal=9999, diffuse=0), "line 9: normal irradiance: '9999'"),
-        ("m.epw", HEAD.replace("PERIODS,1,1", "PERIODS,1,4") + HOUR.format(hour=1, normal=0, diffuse=0), "hourly"),
+        ("m.epw", HEAD + HOUR.format(hour=1, normal=9999, diffuse=0), "line 9: dni: .*9999"),
+        ("m.epw", HEAD + 2 * HOUR.format(hour=1, normal=0, diffuse=0), "hourly"),
+        ("m.epw", HEAD + HOUR.format(hour=1, normal="x", diffuse=0), "m.epw"),
+        ("none.epw", None, "none.epw"),
         ("none.csv", None, "none.csv"),
     ],
 )
