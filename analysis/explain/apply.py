@@ -38,6 +38,11 @@ class Model:
     entries: tuple[dict[str, Any], ...] = ()
     shared: SharedError = field(default_factory=lambda: SharedError({}, {}))
 
+    @property
+    def mechanisms(self) -> frozenset[str]:
+        """Ids of those that act."""
+        return frozenset(str(entry["id"]) for entry in self.entries)
+
     def without_shared_error(self) -> "Model":
         """The mechanisms alone."""
         return Model(self.entries)

@@ -1,6 +1,6 @@
 """Our own re-simulations of a case's systems: what each setting would have changed, as ratios to our own baseline."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,11 +21,11 @@ FEW_RAYS = 30_000
 """Rays for each sun and sky where only the sky's smooth part is asked for."""
 
 
-def simulator_of(case: Case) -> "OwnSimulation | None":
-    """A simulator for the case; ``None`` where no system is described, or no sun is known."""
+def simulator_of(case: Case, only: Collection[str] | None = None) -> "OwnSimulation | None":
+    """A simulator for the case, of all mechanisms or of some ``only``; ``None`` where no system or no sun is known."""
     systems = systems_of(case)
     usable = [k for k, t in enumerate(case.tests) if t.system in systems and t.sun_altitude_deg is not None]
-    return OwnSimulation(case, systems) if usable and case.setup.goniometer else None
+    return OwnSimulation(case, systems, only) if usable and case.setup.goniometer else None
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Retracings:
     paths
         Mechanism to its paths of settings.
     aureoles
-        Sun part (T, P, G) over that of the disc alone, for no aureole and for `AUREOLES_DEG`.
+        Sun part (T, P, G) over that of the disc alone, for no aureole and for `AUREOLES_DEG`; none if not asked for.
     near
-        Near over far field of both parts, (T, P, G) each.
+        Near over far field of both parts, (T, P, G) each; ``None`` if not asked for.
     sky_part
         The predicted sky part (T, P, G) [cd] as told from the sum; NaN in tests that cannot be traced.
     systems
@@ -48,26 +48,38 @@ class Retracings:
 
     paths: dict[str, tuple[Path, ...]]
     aureoles: list[Floats]
-    near: Field
-    sky_part: Floats
+    near: Field | None
+    sky_part: Floats | None
     systems: Mapping[str, System]
 
 
 class OwnSimulation:
-    """Re-simulations of the tests of one case; nothing is traced before it is asked for."""
+    """Re-simulations of the tests of one case; nothing is traced before it is asked for.
 
-    def __init__(self, case: Case, systems: Mapping[str, System]) -> None:
+    Where they are asked for some mechanisms ``only``, the others have none.
+    """
+
+    def __init__(self, case: Case, systems: Mapping[str, System], only: Collection[str] | None = None) -> None:
         self.case = case
         self.systems = systems
+        self.only = only
 
     @cached_property
     def made(self) -> Retracings:
         """All of it, traced in one go."""
-        traced = Tracing(self.case, _likened(self.case, self.systems))
-        predicted = fields_of(Readings.of(self.case, measured_only=False)).total
+        traced = Tracing(self.case, _likened(self.case, self.systems), self.only)
+        readings = Readings.of(self.case, measured_only=False)
+        split = self.only is None or not readings.has_parts
         return Retracings(
-            paths_of(traced), traced.aureoles(), traced.near_over_far(), traced.sky_part(predicted), traced.systems
+            paths_of(traced, self.only),
+            traced.aureoles() if self._wants("circumsolar-aureole") else [],
+            traced.near_over_far() if self._wants("near-field") else None,
+            traced.sky_part(fields_of(readings).total) if split else None,
+            traced.systems,
         )
+
+    def _wants(self, mechanism: str) -> bool:
+        return self.only is None or mechanism in self.only
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """See `analysis.explain.retrace.Simulator.paths`."""
@@ -76,6 +88,8 @@ class OwnSimulation:
     def aureole(self, width_deg: float) -> Floats | None:
         """See `analysis.explain.retrace.Simulator.aureole`; linear in the width between the traced ones."""
         at, rows = np.array([0.0, *AUREOLES_DEG]), self.made.aureoles
+        if not rows:
+            return None
         k = int(np.clip(np.searchsorted(at, width_deg, side="right") - 1, 0, len(at) - 2))
         x = (width_deg - at[k]) / (at[k + 1] - at[k])
         return np.asarray(np.maximum((1 - x) * rows[k] + x * rows[k + 1], 0.0))

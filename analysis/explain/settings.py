@@ -5,7 +5,7 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Final, TypeVar
@@ -49,18 +49,19 @@ LEAST, MOST = 0.05, 0.998
 MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
 
 
-def paths_of(traced: Tracing) -> dict[str, tuple[Path, ...]]:
-    """Each mechanism's paths of settings; none where the case has no such setting."""
-    made: dict[str, tuple[Path, ...]] = {
-        "lens-haze": tuple(_every(traced, _hazes(traced))),
-        "soiling": tuple(_every(traced, _dirt(traced))),
-        "lens-orientation": tuple(_every(traced, _turns(traced))),
-        "lens-anisotropy": tuple(_every(traced, _isotropy(traced))),
-        "wall-scatter": tuple(_every(traced, _scatter(traced))),
-        "wall-reflectance": tuple(_reflectances(traced)),
-        "bounce-truncation": tuple(_every(traced, _limits(traced))),
-        "clock-offset": tuple(_every(traced, _clock(traced))),
+def paths_of(traced: Tracing, only: Collection[str] | None = None) -> dict[str, tuple[Path, ...]]:
+    """Paths of settings of each mechanism, or of some ``only``; none where the case has no such setting."""
+    makers: dict[str, Callable[[], Iterable[Path]]] = {
+        "lens-haze": lambda: _every(traced, _hazes(traced)),
+        "soiling": lambda: _every(traced, _dirt(traced)),
+        "lens-orientation": lambda: _every(traced, _turns(traced)),
+        "lens-anisotropy": lambda: _every(traced, _isotropy(traced)),
+        "wall-scatter": lambda: _every(traced, _scatter(traced)),
+        "wall-reflectance": lambda: _reflectances(traced),
+        "bounce-truncation": lambda: _every(traced, _limits(traced)),
+        "clock-offset": lambda: _every(traced, _clock(traced)),
     }
+    made = {key: tuple(make()) for key, make in makers.items() if only is None or key in only}
     return {key: paths for key, paths in made.items() if paths}
 
 

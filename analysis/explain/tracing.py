@@ -4,7 +4,7 @@ The engine that made the prediction is somebody else's; only ratios of our simul
 the two engines disagree about drops out.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final
@@ -74,12 +74,24 @@ def systems_of(case: Case) -> dict[str, System]:
     return systems
 
 
-class Tracing:
-    """The light of all tests and settings of a case, traced when it is asked for."""
+SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
+    "circumsolar-aureole": ("aureole_deg",),
+    "lens-haze": ("haze",),
+    "soiling": ("soiling",),
+    "lens-orientation": ("rotation_deg",),
+    "lens-anisotropy": ("isotropic",),
+    "wall-scatter": ("diffuse_fraction", "scatter_deg"),
+}
+"""Settings that are traced for a mechanism; those of other mechanisms need none but the systems as described."""
 
-    def __init__(self, case: Case, systems: Mapping[str, System]) -> None:
+
+class Tracing:
+    """The light of all tests and settings of a case (of those for some mechanisms ``only``), traced when asked for."""
+
+    def __init__(self, case: Case, systems: Mapping[str, System], only: Collection[str] | None = None) -> None:
         self.case = case
         self.systems = systems
+        self._names = {s for m in (SETTINGS_OF if only is None else only) for s in SETTINGS_OF.get(m, ())}
         self._blurred: dict[float, Field] = {}
 
     @cached_property
@@ -118,7 +130,7 @@ class Tracing:
         ``rays`` for each sun; 0 takes `RAYS`, or fewer where there are many tests.
         """
         system = self.systems[name]
-        changes = [Change("", on_top(system, dict(s))) for s in _settings(system)] if changed else []
+        changes = [Change("", on_top(system, dict(s))) for s in self._settings(system)] if changed else []
         assert self.case.setup.goniometer is not None
         return variants(
             system,
@@ -133,6 +145,9 @@ class Tracing:
             gamma_deg=GAMMA_DEG,
             c_deg=np.append(C_DEG, 360.0),
         )
+
+    def _settings(self, system: System) -> list[Setting]:
+        return [setting for setting in _settings(system) if setting[0][0] in self._names]
 
     def as_predicted(self, outcome: Outcome) -> Parts:
         """In the far field, or at the sensors, as the case's prediction is."""
@@ -165,7 +180,7 @@ class Tracing:
         """Both parts with ``settings``; as they are for systems that do not have such a setting."""
         made = {}
         for name, run in self.runs.items():
-            mine = dict(zip(_settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
+            mine = dict(zip(self._settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
             made[name] = self.as_predicted(mine.get(settings, run.baseline))
         return self.spread(made)
 

@@ -55,6 +55,20 @@ def scene(simulated: OwnSimulation) -> Scene:
     return scene_of(simulated.case, simulated)
 
 
+def test_only_what_is_asked_for_is_traced_and_comes_out_the_same(simulated: OwnSimulation, made: Retracings) -> None:
+    """A prediction asks for the mechanisms that were found, and takes the time of those."""
+    some = simulator_of(simulated.case, {"soiling", "gamma-offset"})
+    assert some is not None
+    assert set(some.made.paths) == {"soiling"}
+    for mine, whole in zip(some.paths("soiling"), made.paths["soiling"], strict=True):
+        assert (mine.label, mine.positions.tolist()) == (whole.label, whole.positions.tolist())
+        assert np.array_equal(mine.sun, whole.sun) and np.array_equal(mine.sky, whole.sky)
+    assert some.aureole(3.0) is None and some.near_field() is None and some.sky_part() is None
+    spread = simulator_of(simulated.case, {"circumsolar-aureole"})
+    assert spread is not None and not spread.made.paths
+    assert np.array_equal(np.asarray(spread.aureole(3.0)), np.asarray(simulated.aureole(3.0)))
+
+
 def _path(made: Retracings, mechanism: str, label: str) -> Path:
     (found,) = [p for p in made.paths[mechanism] if p.label == label]
     return found
