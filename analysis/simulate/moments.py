@@ -153,9 +153,9 @@ def _weather(path: Path) -> Moments:
     except OSError as error:
         raise DataError(f"{path}: {error}", FORM) from error
     except (ValueError, KeyError, AttributeError) as error:  # of pandas, too
-        raise DataError(
-            f"{path}: is not an EPW file ({error})", "it starts with LOCATION and eight lines of header"
-        ) from None
+        why, *_ = str(error).splitlines() or ["unreadable"]
+        hint = "it starts with LOCATION and has eight lines of header, then 35 values an hour"
+        raise DataError(f"{path}: is not an EPW file ({why})", hint) from None
     problems = Problems(str(path))
     if middle.has_duplicates:
         problems.add("line 8", "its records are not hourly")
@@ -175,7 +175,11 @@ def _weather(path: Path) -> Moments:
 def _illuminances(
     normal: float, diffuse: float, dew_deg: float, geometric_deg: float, seen_deg: float, factor: float
 ) -> tuple[float, float]:
-    """Beam and diffuse illuminance on the horizontal [lx] of irradiances [W/m²] and a dew point [°C]."""
+    """Beam and diffuse illuminance on the horizontal [lx] of irradiances [W/m²] and a dew point [°C].
+
+    Precipitable water [cm] is exp(0.07 T - 0.075) (Wright, Perez and Michalsky 1989, Solar Energy 42, which Perez 1990
+    takes); 2 cm where the dew point is missing (99.9 in an .epw).
+    """
     if normal <= 0.0 and diffuse <= 0.0:
         return 0.0, 0.0
     sky = from_irradiances(normal, max(diffuse, 1.0), geometric_deg, factor)

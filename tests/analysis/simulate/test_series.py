@@ -114,6 +114,14 @@ def test_mistakes_in_tables_are_named(tmp_path: Path, name: str, text: str | Non
     assert not (tmp_path / "out.csv").exists()
 
 
+def test_a_weather_file_of_no_dates_is_refused_in_one_line(tmp_path: Path) -> None:
+    """pandas explains itself in many."""
+    (tmp_path / "m.epw").write_text(HEAD + HOUR.format(hour="noon", normal=0, diffuse=0))
+    with pytest.raises(DataError, match="not an EPW file") as caught:
+        read_moments(tmp_path / "m.epw", GREENWOOD)
+    assert len(caught.value.message.splitlines()) == 1
+
+
 @pytest.mark.parametrize("words", [["--diffuse", "1"], ["--parts"], ["--site", "1,2"], ["--out", "a.ies"]])
 def test_what_the_table_tells_is_not_told_again(tmp_path: Path, words: list[str]) -> None:
     path = tmp_path / "m.epw"
