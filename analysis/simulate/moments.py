@@ -152,7 +152,7 @@ def _weather(path: Path) -> Moments:
         middle = (hours.index + timedelta(minutes=30)).tz_convert("UTC")
     except OSError as error:
         raise DataError(f"{path}: {error}", FORM) from error
-    except (ValueError, KeyError, AttributeError) as error:  # of pandas, too
+    except (ValueError, TypeError, KeyError, AttributeError) as error:  # of pandas, too
         why, *_ = str(error).splitlines() or ["unreadable"]
         hint = "it starts with LOCATION and has eight lines of header, then 35 values an hour"
         raise DataError(f"{path}: is not an EPW file ({why})", hint) from None

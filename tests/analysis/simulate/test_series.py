@@ -114,9 +114,10 @@ def test_mistakes_in_tables_are_named(tmp_path: Path, name: str, text: str | Non
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_weather_file_of_no_dates_is_refused_in_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("hour", ["noon", "77", ""])
+def test_a_weather_file_of_no_dates_is_refused_in_one_line(tmp_path: Path, hour: str) -> None:
     """pandas explains itself in many."""
-    (tmp_path / "m.epw").write_text(HEAD + HOUR.format(hour="noon", normal=0, diffuse=0))
+    (tmp_path / "m.epw").write_text(HEAD + HOUR.format(hour=hour, normal=0, diffuse=0))
     with pytest.raises(DataError, match="not an EPW file") as caught:
         read_moments(tmp_path / "m.epw", GREENWOOD)
     assert len(caught.value.message.splitlines()) == 1
