@@ -8,11 +8,8 @@ import numpy as np
 from analysis.bsdf.convert import to_klems
 from analysis.bsdf.forms import Stored, by_angle, diffuse, form_of
 from analysis.bsdf.klems import KlemsBsdf
-from analysis.bsdf.model import Incidence, component_of
+from analysis.bsdf.model import Incidence
 from analysis.bsdf.report import report
-
-_TOO_MUCH = 1.02
-"""Transmittance plus reflectance that is told of: less is noise and rounding of measured files."""
 
 _SIDES: tuple[Incidence, Incidence] = ("front", "back")
 
@@ -68,16 +65,3 @@ def lines(told: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"  broken: {problem}" for problem in told["problems"])
     if not told["problems"]:
         yield "  no law is broken (energy within 1 %, reciprocity within 5 %)"
-
-
-def excess(bsdf: Stored) -> list[str]:
-    """What to know of sides that send on more light than they get, by angle of incidence."""
-    theta = np.arange(0.0, 90.0, 5.0)
-    found = []
-    for side in _SIDES:
-        parts = [part for part in (component_of(side, t) for t in (True, False)) if part in bsdf.components()]
-        total = sum((by_angle(bsdf, part, theta) for part in parts), start=np.zeros(theta.size))
-        k = int(total.argmax())
-        if total[k] > _TOO_MUCH:
-            found.append(f"of light from the {side} at {theta[k]:g} degrees {total[k]:.4g} times as much goes on")
-    return found

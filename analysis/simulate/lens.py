@@ -46,7 +46,7 @@ RING_STEPS: Final = 48
 
 DELTA_UNITS: Final = 16000.0
 WEIGHT_UNITS: Final = 32000.0
-"""Of weight 1, where no weight exceeds 1; see `analysis.simulate.lens_light` for files that send on more."""
+"""Of weight 1, where no weight exceeds 1; see `analysis.simulate.lens_file` for files that send on more."""
 
 _MOST: Final = 32767
 

@@ -13,14 +13,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.bsdf.brightest import TOLD, Light, brightest
 from analysis.simulate.components import Lens
 from analysis.simulate.lens import LEAST, WEIGHT_UNITS, Sampler, Table, in_parts, packed
-from analysis.simulate.lens_light import MOST, TOLD, Light, brightest
 from analysis.simulate.store import code_digest, kept
 from analysis.simulate.system import System
 from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
+
+MOST: Final = 16.0
+"""Largest share of its light that a direction may send on: what half a sphere collects in the finest basis."""
 
 WIDE_HALF: Final = 64
 """Grid steps from the middle of the square to its edge; a step is about 1.2 degrees. Transmittance falls steeply near
@@ -60,7 +63,7 @@ def weight_units(lens: Lens) -> float:
 
 
 def most_light(lens: Lens) -> Light:
-    """The direction of which a lens of a file sends on most light; raises `DataError` beyond `lens_light.MOST`."""
+    """The direction of which a lens of a file sends on most light; raises `DataError` beyond `MOST`."""
     light = _most_light(lens.bsdf, _digest(lens.bsdf))
     if light.share > MOST:
         raise DataError(

@@ -224,8 +224,8 @@ def _checked(out: Path) -> None:
 
 def _finish(made: "Made", out: Path, as_json: bool, before: Any = None) -> None:
     """Write the file and tell what is in it, beside what was there ``before``."""
+    from analysis.bsdf.brightest import TOLD, brightest
     from analysis.bsdf.forms import diffuse, form_of
-    from analysis.bsdf.summary import excess
     from analysis.bsdf.xml_write import write_bsdf
 
     write_bsdf(out, made.bsdf)
@@ -235,7 +235,8 @@ def _finish(made: "Made", out: Path, as_json: bool, before: Any = None) -> None:
         told["before"] = {
             "form": form_of(before), "diffuse": {str(part): diffuse(before, part) for part in before.components()}
         }  # fmt: skip
-    notes = excess(made.bsdf)
+    light = brightest(made.bsdf)
+    notes = [str(light)] if light.share > TOLD else []
     told["notes"] = notes
     for note in notes:
         click.echo(f"note: {out}: {note}", err=True)

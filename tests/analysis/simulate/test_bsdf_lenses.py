@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.bsdf.basis import KLEMS_FULL
+from analysis.bsdf.brightest import brightest
 from analysis.bsdf.disk import disk_of_square
 from analysis.bsdf.klems import KlemsBsdf
 from analysis.bsdf.model import Component
@@ -17,7 +18,6 @@ from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight
 from analysis.simulate.lens import packed
 from analysis.simulate.lens_file import WIDE_HALF, bright_lenses, wide_nodes
-from analysis.simulate.lens_light import brightest
 from analysis.simulate.predict import predict
 from analysis.simulate.radiance import lenses
 from analysis.simulate.radiance.lenses import bsdf_file, klems_file

@@ -1,4 +1,4 @@
-"""How much light a BSDF sends on, and how much it may.
+"""The direction of which a BSDF sends on most light, and when users are told of it.
 
 A lens sends on no more light than it receives. The BSDF of a whole skylight may (`analysis.simulate.whole`): its
 incident light is counted by what falls on the hole in the roof, and a raised cover catches more at grazing incidence. A
@@ -19,9 +19,6 @@ from analysis.bsdf.model import Incidence, component_of
 from analysis.bsdf.tensor_tree import TensorTreeBsdf
 
 Floats = NDArray[np.float64]
-
-MOST: Final = 16.0
-"""Largest share of its light that a direction may send on: what half a sphere collects in the finest basis."""
 
 TOLD: Final = 1.02
 """Share from which on users are told: less is noise and rounding of measured files."""
