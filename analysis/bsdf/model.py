@@ -30,6 +30,11 @@ class Component(StrEnum):
     RB = "Reflection Back"
 
     @property
+    def key(self) -> str:
+        """Its name in tables and on the command line, e.g. ``transmission-front``."""
+        return self.value.lower().replace(" ", "-")
+
+    @property
     def incidence(self) -> Incidence:
         """The side the light arrives at."""
         return "front" if self in (Component.TF, Component.RF) else "back"

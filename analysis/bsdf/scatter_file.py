@@ -24,8 +24,7 @@ Described = AbgBsdf | TabulatedBsdf | RelativeBsdf
 E2387_COLUMNS: Final = ("component", "theta_i_deg", "phi_i_deg", "theta_s_deg", "phi_s_deg", "bsdf_per_sr")
 RELATIVE_COLUMNS: Final = ("component", "theta_i_deg", "theta_m_deg", "phi_m_deg", "intensity", "hemispherical")
 
-_KEYS: Final = {component.value.lower().replace(" ", "-"): component for component in Component}
-"""``transmission-front`` and so on."""
+_KEYS: Final = {component.key: component for component in Component}
 
 _Numbers = float | Annotated[list[float], Field(min_length=1)]
 

@@ -209,7 +209,7 @@ def import_(file: Path, out: Path, form: str, both_sides: bool, name: str, rays:
 def _component(word: str) -> "Component":
     from analysis.bsdf.model import Component
 
-    return next(part for part in Component if part.value.lower().replace(" ", "-") == word)
+    return next(part for part in Component if part.key == word)
 
 
 def _checked(out: Path) -> None:
