@@ -51,70 +51,59 @@ def run(job: Job) -> dict[str, Any]:
     """Predict, write the files, and return the report. Raises a `LabdaqError`."""
     from analysis.simulate.ies import write_prediction
     from analysis.simulate.lens_file import bright_lenses
-    from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, C_DEG, GAMMA_DEG, predict
     from analysis.simulate.tally import Field
-    from analysis.simulate.varied import predict_varied
 
+    _check(job)
+    system = system_of(job)
+    notes = bright_lenses(system)
+    made, varied = _under_daylight(job, system) if job.ray_set is None else (_under_rays(job, system), [])
+    field: Field = "far" if job.distance is None else "near"
+    issued = utc_text(SystemClock().utc_ns())[:10]
+    files = write_prediction(job.out, made, field, issued, parts=job.parts)
+    variants = []
+    for variant in varied:
+        file = file_of(job.out, variant.facts["variant"])
+        variants.append(told(variant, field, write_prediction(file, variant, field, issued, parts=job.parts)))
+    given: dict[str, Any] = {} if job.ray_set is None else {"ray_set": str(job.ray_set)}
+    given |= {"variants": variants} if variants else {}
+    return given | _report(made, field, files) | {"notes": list(notes)}
+
+
+def _check(job: Job) -> None:
+    """Refuse options that do not go together, before any work is done."""
     if job.room is not None and job.distance is None:
         raise ConfigError("--room is what sensors at a distance see", "give --distance")
     if job.engine == "radiance" and (job.max_bounces is not None or job.isotropic):
         raise ConfigError("--max-bounces and --isotropic are settings of the tracer", "leave them out, or --engine")
     if job.vary and (job.engine == "radiance" or job.ray_set is not None):
         raise ConfigError("--vary is for the tracer under a daylight", "leave out --engine radiance and --ray-set")
-    varied: list[Any] = []
-    notes = bright_lenses(system_of(job))
-    if job.ray_set is not None:
-        made = _under_rays(job)
-    else:
-        gamma_deg, c_deg = (ARM_GAMMA_DEG, ARM_C_DEG) if job.directions == "arm" else (GAMMA_DEG, C_DEG)
-        how: dict[str, Any] = {
-            "distance_m": job.distance or 0.0,
-            "room": _room(job),
-            "precision": job.precision,
-            "rays": job.rays or 0,
-            "seed": job.seed,
-            "max_bounces": job.max_bounces,
-            "threads": job.threads,
-            "gamma_deg": gamma_deg,
-            "c_deg": c_deg,
-        }
-        system, changes_ = system_of(job), parse_varied(job.vary)
-        day = daylight_of(job)
-        if changes_:
-            made, varied = predict_varied(system, day, changes_, **how)
-        else:
-            made = predict(system, day, engine=job.engine, **how)
-    field: Field = "far" if job.distance is None else "near"
-    issued = utc_text(SystemClock().utc_ns())[:10]
-    files = write_prediction(job.out, made, field, issued, parts=job.parts)
-    beside = [write_prediction(file_of(job.out, v.facts["variant"]), v, field, issued, parts=job.parts) for v in varied]
-    seen, day = made.field(field), made.daylight
-    peak = np.unravel_index(np.argmax(seen.total.candela), seen.total.candela.shape)
-    sun = {"altitude_deg": day.sun_altitude_deg, "azimuth_deg": day.sun_azimuth_deg} if day.beam_lx > 0.0 else None
-    given: dict[str, Any] = {} if job.ray_set is None else {"ray_set": str(job.ray_set)}
-    variants = [told(v, field, written) for v, written in zip(varied, beside, strict=True)]
-    given |= {"variants": variants} if variants else {}
-    return given | {
-        "files": [str(path) for path in files],
-        "system": made.system.name,
-        "engine": made.engine,
-        "field": field,
-        "sun": sun,
-        "global_lx": day.beam_lx + day.diffuse_lx,
-        "diffuse_lx": day.diffuse_lx,
-        "flux_lm": seen.total.flux(),
-        "flux_sun_lm": seen.sun.flux(),
-        "flux_sky_lm": seen.sky.flux(),
-        "peak_cd": float(seen.total.candela[peak]),
-        "peak_gamma_deg": float(seen.total.gamma_deg[peak[1]]),
-        "peak_c_deg": float(seen.total.c_deg[peak[0]]),
-        "uncertainty": seen.worst_relative(),
-        "facts": made.facts,
-        "notes": list(notes),
+
+
+def _under_daylight(job: Job, system: Any) -> tuple[Any, list[Any]]:
+    """The prediction under a daylight, and those of its variants."""
+    from analysis.simulate.predict import ARM_C_DEG, ARM_GAMMA_DEG, C_DEG, GAMMA_DEG, predict
+    from analysis.simulate.varied import predict_varied
+
+    gamma_deg, c_deg = (ARM_GAMMA_DEG, ARM_C_DEG) if job.directions == "arm" else (GAMMA_DEG, C_DEG)
+    how: dict[str, Any] = {
+        "distance_m": job.distance or 0.0,
+        "room": _room(job),
+        "precision": job.precision,
+        "rays": job.rays or 0,
+        "seed": job.seed,
+        "max_bounces": job.max_bounces,
+        "threads": job.threads,
+        "gamma_deg": gamma_deg,
+        "c_deg": c_deg,
     }
+    changes_ = parse_varied(job.vary)
+    day = daylight_of(job)
+    if changes_:
+        return predict_varied(system, day, changes_, **how)
+    return predict(system, day, engine=job.engine, **how), []
 
 
-def _under_rays(job: Job) -> Any:
+def _under_rays(job: Job, system: Any) -> Any:
     """The prediction for rays of a file; daylight and engine have no say."""
     from analysis.simulate.predict import predict_rays
     from analysis.simulate.rays import read_rays
@@ -130,11 +119,35 @@ def _under_rays(job: Job) -> Any:
     if said:
         raise ConfigError(f"{', '.join(said)}: not with --ray-set, whose rays are all the light, each traced once")
     settings = Settings(seed=job.seed, distance_m=job.distance or 0.0, max_bounces=job.max_bounces, threads=job.threads)
-    system, rays = system_of(job), read_rays(job.ray_set)
+    rays = read_rays(job.ray_set)
     try:
         return predict_rays(system, rays, settings, room=_room(job))
     except DataError as error:  # of the rays, which do not know their file
         raise DataError(f"{job.ray_set}: {error.message}", error.hint) from error
+
+
+def _report(made: Any, field: Any, files: list[Path]) -> dict[str, Any]:
+    """What is told of a prediction."""
+    seen, day = made.field(field), made.daylight
+    peak = np.unravel_index(np.argmax(seen.total.candela), seen.total.candela.shape)
+    sun = {"altitude_deg": day.sun_altitude_deg, "azimuth_deg": day.sun_azimuth_deg} if day.beam_lx > 0.0 else None
+    return {
+        "files": [str(path) for path in files],
+        "system": made.system.name,
+        "engine": made.engine,
+        "field": field,
+        "sun": sun,
+        "global_lx": day.beam_lx + day.diffuse_lx,
+        "diffuse_lx": day.diffuse_lx,
+        "flux_lm": seen.total.flux(),
+        "flux_sun_lm": seen.sun.flux(),
+        "flux_sky_lm": seen.sky.flux(),
+        "peak_cd": float(seen.total.candela[peak]),
+        "peak_gamma_deg": float(seen.total.gamma_deg[peak[1]]),
+        "peak_c_deg": float(seen.total.c_deg[peak[0]]),
+        "uncertainty": seen.worst_relative(),
+        "facts": made.facts,
+    }
 
 
 def system_of(job: Job) -> Any:
