@@ -214,12 +214,11 @@ def _component(word: str) -> "Component":
 
 def _checked(out: Path) -> None:
     """Refuse a bad name before any work is done."""
-    from labdaq.errors import StorageError
+    from labdaq.cli.files import check_folder
 
     if out.suffix.lower() != ".xml":
         raise click.BadParameter("the name of a BSDF file ends in .xml", param_hint="--out")
-    if not out.parent.is_dir():
-        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
+    check_folder(out)
 
 
 def _finish(made: "Made", out: Path, as_json: bool, before: Any = None) -> None:

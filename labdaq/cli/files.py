@@ -1,4 +1,4 @@
-"""What commands have in common: find station, script and sessions."""
+"""What commands have in common: find station, script and sessions, and the folders of what they write."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Final
 
 import click
 
-from labdaq.errors import ConfigError
+from labdaq.errors import ConfigError, StorageError
 from labdaq.headers import Order
 from labdaq.script import Script
 from labdaq.station import Station
@@ -29,6 +29,12 @@ def sessions_folder(station: Station, file: Path | None, given: Path | None) -> 
     if given is not None:
         return given
     return (file.parent if file else Path()) / station.sessions
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a file to write whose folder is not there: commands ask this before they work."""
+    if not out.parent.is_dir():
+        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
 
 
 def find_script(name: str) -> Path:

@@ -6,8 +6,6 @@ from typing import Any
 
 import click
 
-from labdaq.errors import StorageError
-
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILES...")
@@ -41,10 +39,11 @@ def command(files: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -
     relative. All mistakes are told at once, and nothing is written unless all is well.
     """
     from labdaq.cli._merge_job import Job, run
+    from labdaq.cli.files import check_folder
 
     for path in (out, options["save_response"], options["master"]):
-        if path is not None and not path.parent.is_dir():
-            raise StorageError(f"{path}: there is no folder {path.parent}", "make it first")
+        if path is not None:
+            check_folder(path)
     if out.suffix.lower() != ".hdr":
         raise click.BadParameter("the map is a Radiance picture; its name ends in .hdr", param_hint="--out")
     if options["colour"] and options["lens"]:

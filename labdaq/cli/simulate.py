@@ -8,8 +8,6 @@ from typing import Any
 
 import click
 
-from labdaq.errors import StorageError
-
 _SKIES = (
     "perez, clear, partly-cloudy, overcast, uniform, cie:1 .. cie:15, ies-clear, ies-partly-cloudy, ies-overcast, "
     "or a map (.hdr or .npz)"
@@ -168,6 +166,7 @@ def _one(out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
     """Predict, or export, what the command line tells, and tell of it."""
     from labdaq.cli._simulate_job import Job, run
     from labdaq.cli._simulate_vary import in_words
+    from labdaq.cli.files import check_folder
 
     if options["system"] is None:
         raise click.UsageError("name a SYSTEM, or give --session")
@@ -184,8 +183,7 @@ def _one(out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
         raise click.UsageError("--out FILE.ies is needed; only --session knows where to write")
     if out.suffix.lower() != ".ies":
         raise click.BadParameter("the name of a photometric file ends in .ies", param_hint="--out")
-    if not out.parent.is_dir():
-        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
+    check_folder(out)
     report = run(Job(out=out, **options))
     for note in report["notes"]:
         click.echo(f"note: {note}", err=True)
@@ -257,6 +255,7 @@ def _others(context: click.Context, known: tuple[str, ...]) -> list[str]:
 def _series(context: click.Context, out: Path | None, as_json: bool, options: dict[str, Any]) -> None:
     """Predict the moments of a table, and tell of them."""
     from labdaq.cli._simulate_series import OPTIONS, in_words, run_series
+    from labdaq.cli.files import check_folder
 
     if odd := _others(context, OPTIONS):
         raise click.UsageError(f"{', '.join(odd)}: not with --series, whose moments are traced with --rays a sun")
@@ -265,8 +264,7 @@ def _series(context: click.Context, out: Path | None, as_json: bool, options: di
         raise click.UsageError("--site: an .epw file has its own")
     if options["system"] is None or out is None or out.suffix.lower() != ".csv":
         raise click.UsageError("--series needs a SYSTEM and --out FILE.csv")
-    if not out.parent.is_dir():
-        raise StorageError(f"{out}: there is no folder {out.parent}", "make it first")
+    check_folder(out)
     report = run_series(options, out)
     click.echo(json.dumps(report) if as_json else in_words(report))
 
