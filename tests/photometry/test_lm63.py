@@ -22,20 +22,10 @@ from analysis.photometry.lm63 import (
 )
 from analysis.photometry.testdata import TestData
 from labdaq.errors import DataError
+from tests.photometry.lamps import KEYWORDS, lopsided
 
 SHARED = next((p / "shared/data" for p in Path(__file__).parents if (p / "shared/data").is_dir()), Path("shared/data"))
 REAL = SHARED / "ies"
-KEYWORDS = {"TEST": "27", "TESTLAB": "Greenwood", "ISSUEDATE": "2010-07-22", "MANUFAC": "none"}
-
-
-def report_grid(row: Row90 | None = Row90.ZERO) -> Distribution:
-    """A lopsided lobe on the goniophotometer's grid; every direction differs from its mirror images."""
-    gamma = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 85.0])
-    c = np.arange(16) * 22.5
-    tilted = 1 + 0.5 * np.cos(np.radians(c - 70))[:, None] * np.sin(np.radians(gamma))
-    d = Distribution.closed(gamma, c, 1000 * np.cos(np.radians(gamma)) * tilted)
-    d = Distribution(d.gamma_deg, d.c_deg, d.candela, dict(KEYWORDS))
-    return d if row is None else closed_at_90(d, row)
 
 
 def text_of(**changes: object) -> list[str]:
@@ -97,7 +87,7 @@ def test_what_is_written_reads_back_bit_for_bit(d: Distribution, edition: Editio
 
 @pytest.mark.parametrize("generation", list(FileGeneration))
 def test_the_generation_type_is_a_bit_string(generation: FileGeneration) -> None:
-    data = render_lm63(report_grid(), generation=generation)
+    data = render_lm63(lopsided(), generation=generation)
     record = data.decode().split("\r\n")[data.decode().split("\r\n").index("TILT=NONE") + 2]
     assert record.split()[1] == generation.value
     assert len(record.split()[1]) == 7
@@ -105,7 +95,7 @@ def test_the_generation_type_is_a_bit_string(generation: FileGeneration) -> None
 
 
 def test_a_reformatted_generation_type_is_understood_and_noted() -> None:
-    data = render_lm63(report_grid(), generation=FileGeneration.MEASURED_INTERPOLATED).replace(b"1.01000", b"1.01")
+    data = render_lm63(lopsided(), generation=FileGeneration.MEASURED_INTERPOLATED).replace(b"1.01000", b"1.01")
     back = parse_lm63(data)
     assert back.generation is FileGeneration.MEASURED_INTERPOLATED
     assert "1.01" in str(back.oddities[0])
@@ -118,7 +108,7 @@ def test_measured_types() -> None:
 
 
 def test_the_open_report_grid_is_refused_with_all_reasons(tmp_path: Path) -> None:
-    d = report_grid(row=None)
+    d = lopsided(row=None)
     d = Distribution(d.gamma_deg, d.c_deg, d.candela, {"TEST": "1", "LUMENS": "x", "_note": "y", "_CITY": "Zürich"})
     with pytest.raises(DataError) as caught:
         write_lm63(tmp_path / "x.ies", d, generation=FileGeneration.MEASURED)
@@ -128,7 +118,7 @@ def test_the_open_report_grid_is_refused_with_all_reasons(tmp_path: Path) -> Non
 
 
 def test_negative_and_open_planes_are_refused() -> None:
-    d = report_grid()
+    d = lopsided()
     spoilt = d.candela.copy()
     spoilt[3, 2] = -1
     spoilt[-1] *= 2
@@ -139,7 +129,7 @@ def test_negative_and_open_planes_are_refused() -> None:
 
 
 def test_closing() -> None:
-    d = report_grid(row=None)
+    d = lopsided(row=None)
     assert np.all(closed_at_90(d, Row90.ZERO).candela[:, -1] == 0)
     line = closed_at_90(d, Row90.EXTRAPOLATED)
     assert line.candela[:, -1] == pytest.approx(np.maximum(0, 1.5 * d.candela[:, -1] - 0.5 * d.candela[:, -2]))
@@ -152,7 +142,7 @@ def test_test_data_round_trip() -> None:
         sun_altitude_deg=53.25, sun_azimuth_deg=101.5, global_lx=98765.4, diffuse_lx=12000, sky="clear", distance_m=2.6,
         field="near", start_utc="2010-07-22T13:12:00.000Z",
     )  # fmt: skip
-    d = report_grid()
+    d = lopsided()
     d = Distribution(d.gamma_deg, d.c_deg, d.candela, KEYWORDS | data.keywords())
     back = parse_lm63(render_lm63(d, generation=FileGeneration.MEASURED)).distribution.keywords
     assert TestData.from_keywords(back) == data
@@ -188,7 +178,7 @@ def test_tilt_include_and_file() -> None:
     named = parse(text_of(tilt="TILT=LAMP.TLT"))
     assert named.tilt.source == "LAMP.TLT"
     assert any("another file" in o.what for o in named.oddities)
-    d = report_grid()
+    d = lopsided()
     again = parse_lm63(render_lm63(d, generation=FileGeneration.MEASURED, tilt=tilt)).tilt
     assert np.array_equal(again.factor, tilt.factor)
     with pytest.raises(DataError, match="TILT"):
@@ -236,7 +226,7 @@ def test_axes_of_the_three_types() -> None:
 
 @pytest.mark.parametrize("kind", [PhotometricType.A, PhotometricType.B])
 def test_type_a_and_b_files_become_type_c(kind: PhotometricType) -> None:
-    source = report_grid()
+    source = lopsided()
     v, h = np.arange(-90, 91, 2.0), np.arange(-90, 91, 2.0)
     table = to_type(kind, source, v, h)
     rows = "\r\n".join(" ".join(f"{x:.9g}" for x in row) for row in table)

@@ -8,24 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.photometry import Distribution
-from analysis.photometry.closing import closed_at_90
 from analysis.photometry.goniometry import PhotometricType, type_vector
 from analysis.photometry.lm63 import Edition, FileGeneration, Opening, parse_lm63, render_lm63, write_lm63
 from labdaq.directions import gamma_c, vector
+from tests.photometry.lamps import lopsided
 
 pyradiance = pytest.importorskip("pyradiance", reason="pyradiance is not installed")
 RADIANCE = Path(pyradiance.__file__).parent
-KEYWORDS = {"TEST": "27", "TESTLAB": "Greenwood", "ISSUEDATE": "2010-07-22", "MANUFAC": "none", "LUMCAT": "box"}
-
-
-def lopsided() -> Distribution:
-    """On the goniophotometer's grid; every plane differs."""
-    gamma = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 85.0])
-    c = np.arange(16) * 22.5
-    tilt = 1 + 0.5 * np.cos(np.radians(c - 70))[:, None] * np.sin(np.radians(gamma))
-    d = Distribution.closed(gamma, c, 1000 * np.cos(np.radians(gamma)) * tilt)
-    return closed_at_90(Distribution(d.gamma_deg, d.c_deg, d.candela, KEYWORDS))
 
 
 def radiance(*command: str, folder: Path, data: str = "") -> bytes:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from analysis.photometry import Distribution
-from analysis.photometry.closing import closed_at_90
 from analysis.photometry.eulumdat_write import write_eulumdat
 from analysis.photometry.lm63 import Edition, FileGeneration, write_lm63
+from tests.photometry.lamps import KEYWORDS, lopsided
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +25,6 @@ def luxpy() -> ModuleType:
         except (ImportError, TypeError) as error:
             pytest.skip(f"luxpy is not installed, or too old for this numpy: {error}")
     return iolidfiles  # type: ignore[no-any-return]
-
-
-KEYWORDS = {"TEST": "27", "TESTLAB": "Greenwood", "ISSUEDATE": "2010-07-22", "MANUFAC": "none"}
-
-
-def lopsided() -> Distribution:
-    """On the goniophotometer's grid; no turn or mirror image is the same."""
-    gamma = np.array([0, 5, 15, 25, 35, 45, 55, 65, 75, 85.0])
-    c = np.arange(16) * 22.5
-    tilt = 1 + 0.5 * np.cos(np.radians(c - 70))[:, None] * np.sin(np.radians(gamma))
-    d = Distribution.closed(gamma, c, 1000 * np.cos(np.radians(gamma)) * tilt)
-    return closed_at_90(Distribution(d.gamma_deg, d.c_deg, d.candela, KEYWORDS))
 
 
 def quadrants() -> Distribution:
