@@ -5,7 +5,7 @@ The columns are described in docs/bsdf.md. Lines of a CSV file that start with `
 
 import csv
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Final, TypeVar
 
@@ -69,15 +69,16 @@ def read_scatter(path: Path | str, *, both_sides: bool = False) -> Described:
 
 def _alike(bsdf: Described) -> Described:
     """The same with the front's components at the back, where it has none of its own."""
-    pairs = ((Component.TF, Component.TB), (Component.RF, Component.RB))
     if isinstance(bsdf, AbgBsdf):
-        lobes = dict(bsdf.lobes)
-        lobes |= {b: lobes[a] for a, b in pairs if a in lobes and b not in lobes}
-        return AbgBsdf(lobes)
-    for front, back in pairs:
-        if front in bsdf.tables:
-            bsdf.tables.setdefault(back, bsdf.tables[front])  # type: ignore[arg-type]
-    return bsdf
+        return AbgBsdf(_at_both(bsdf.lobes))
+    if isinstance(bsdf, TabulatedBsdf):
+        return TabulatedBsdf(_at_both(bsdf.tables))
+    return RelativeBsdf(_at_both(bsdf.tables))
+
+
+def _at_both(parts: Mapping[Component, Made]) -> dict[Component, Made]:
+    pairs = ((Component.TF, Component.TB), (Component.RF, Component.RB))
+    return dict(parts) | {back: parts[front] for front, back in pairs if front in parts and back not in parts}
 
 
 def _abg(text: str, path: Path) -> AbgBsdf:

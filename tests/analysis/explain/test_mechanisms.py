@@ -157,7 +157,8 @@ def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) ->
 
     case = case_with_a_variant(tmp_path / "case")
     entry = {"id": "lens-orientation", "way": VARIANT, "names": ["rotation_deg"], "theta": [20.0], "sd": [1.0]}
-    text = apply_model(Model((entry | {"facts": {}},)), case, Busy())  # type: ignore[arg-type]
+    busy: Any = Busy()
+    text = apply_model(Model((entry | {"facts": {}},)), case, busy)
     scene = Scene(Readings.of(case), retraced_of(case))
     assert columns(text, "corrected")[0] == pytest.approx(acted(scene, "lens-orientation", VARIANT, 20.0), rel=1e-6)
 
