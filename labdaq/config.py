@@ -59,17 +59,26 @@ def check(data: Mapping[str, Any], model: type[M], source: str) -> M:
         return model.model_validate(data)
     except ValidationError as error:
         problems = Problems(source)
-        details = error.errors(include_url=False)
-        places = [d["loc"] for d in details]
-        for detail in details:
-            length = len(detail["loc"])
-            if detail["type"] == "too_short" and any(p[:length] == detail["loc"] and len(p) > length for p in places):
-                continue  # pydantic counts the good items only; the bad ones are told already
+        for detail in mistakes_of(error):
             for line in _say(detail, model).splitlines():
                 problems.add(_where(detail["loc"], data), line)
         page = getattr(model, "described_in", Table.described_in)
         problems.raise_if_any(ConfigError, f"correct {source} and start again; {page} describes each field")
         raise AssertionError("unreachable") from error
+
+
+def mistakes_of(error: ValidationError) -> list[ErrorDetails]:
+    """What pydantic found, without lists that are too short only because of bad items.
+
+    It counts the good items only, and the bad ones are told already.
+    """
+    found = error.errors(include_url=False)
+    places = [one["loc"] for one in found]
+
+    def has_bad_items(loc: tuple[int | str, ...]) -> bool:
+        return any(place[: len(loc)] == loc and len(place) > len(loc) for place in places)
+
+    return [one for one in found if not (one["type"] == "too_short" and has_bad_items(one["loc"]))]
 
 
 _PLAIN: Final = {

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from analysis.cases.model import Case, CaseFile, Parts, Records, distribution
 from labdaq.clock import utc_ns_of
+from labdaq.config import mistakes_of
 from labdaq.errors import DataError, Problems
 
 COLUMNS = (
@@ -56,10 +57,7 @@ def _read_setup(folder: Path) -> CaseFile:
     try:
         setup = CaseFile.model_validate(table)
     except ValidationError as error:
-        found = error.errors()
-        for one in found:
-            if one["type"] == "too_short" and sum(other["loc"][:1] == one["loc"] for other in found) > 1:
-                continue  # pydantic counts the good items only; the bad ones are told already
+        for one in mistakes_of(error):
             problems.add(_place(one["loc"], table), one["msg"].removeprefix("Value error, "))
         problems.raise_if_any(DataError, _HINT)
         raise
