@@ -4,6 +4,8 @@ The camera may be the instrument under test (its readings are ``measured``) or t
 compared with (its values are ``simulated``); in the second case its errors are taken off the prediction.
 """
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,16 +77,16 @@ class CameraMechanism(Mechanism):
         return why_no_shape(scene) if self.between else ""
 
 
-class LooksElsewhere(CameraMechanism):
+class LooksElsewhere(CameraMechanism, ABC):
     """Base of laws by which a camera looks beside the direction it is thought to look in."""
 
     needs = "directions and the sun's place"
     wide = between = True
     form_error = 0.25  # between the directions of a picture the sky is only guessed
 
+    @abstractmethod
     def true_directions(self, scene: Scene, p: Floats, branch: Branch) -> Floats:
         """Unit vectors (N, 3) of the directions that the camera really looks in."""
-        raise NotImplementedError
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Read the sky where the camera really looks."""
