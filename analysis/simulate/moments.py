@@ -1,26 +1,21 @@
 """Tables of moments: where the sun was, and how much light came from it and from the sky.
 
-* ``.csv`` with a line of names: ``time`` (ISO 8601; UTC where it says no zone) or ``sun_altitude_deg`` and
-  ``sun_azimuth_deg``, or all three; ``diffuse_lx``; ``global_lx`` where there is a sun. Other columns are not read.
-* ``.epw``, the hourly weather of a year for EnergyPlus (Auxiliary Programs: EnergyPlus Weather File Data Dictionary).
-  Irradiances become illuminances by Perez's luminous efficacies (1990, doi:10.1016/0038-092X(90)90055-H) with the
-  water that the dew point tells; the file's own illuminances, which many files lack, are not read. The sun stands
-  where it is in the middle of the hour.
+A line of names: ``time`` (ISO 8601; UTC where it says no zone) or ``sun_altitude_deg`` and ``sun_azimuth_deg``, or all
+three; ``diffuse_lx``; ``global_lx`` where there is a sun. Other columns are not read.
 """
 
 import csv
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sky.clearness import beam_efficacy, diffuse_efficacy, from_irradiances
-from analysis.sky.sun import Site, distance_factor, sun_position
+from analysis.sky.sun import Site, sun_position
 from labdaq.clock import utc_ns_of, utc_text
 from labdaq.errors import DataError, Problems
 
@@ -33,12 +28,6 @@ FORM: Final = (
 SUN: Final = ("sun_altitude_deg", "sun_azimuth_deg")
 MOST_TOLD: Final = 20
 """Mistakes of one file that are listed."""
-
-_HEAD: Final = 8
-"""Lines of an .epw before its hours."""
-
-_USED: Final = {"dni": (0.0, 1500.0), "dhi": (0.0, 1500.0), "temp_dew": (-99.0, 100.0)}
-"""pvlib's names of what is used: normal and diffuse irradiance [W/m²], dew point [°C]; and what they may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +42,8 @@ class Moments:
         Sun as seen; azimuth from north through east.
     beam_lx, diffuse_lx : shape (n,) [lx]
         On the horizontal.
+    notes
+        What a reader should be told.
     """
 
     times: tuple[str, ...]
@@ -60,17 +51,14 @@ class Moments:
     azimuth_deg: Floats
     beam_lx: Floats
     diffuse_lx: Floats
+    notes: tuple[str, ...] = ()
 
 
-def read_moments(path: Path, site: Site) -> Moments:
-    """Read a table by its suffix; ``site`` places the sun for a table of times (an .epw has its own).
+def read_table(path: Path, site: Site) -> Moments:
+    """Read a .csv; ``site`` places the sun for a table of times.
 
     Raises one `DataError` with the file, and line and column of each mistake.
     """
-    if path.suffix.lower() == ".epw":
-        return _weather(path)
-    if path.suffix.lower() != ".csv":
-        raise DataError(f"{path}: a table of moments ends in .csv or .epw", FORM)
     try:
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _table(path, list(csv.reader(file)), site)
@@ -140,50 +128,3 @@ def _time(text: str, line: int, problems: Problems) -> int | None:
         problems.add(f"line {line}: time", f"{text!r} is not a time such as 2010-07-22T13:12:00Z")
         return None
     return utc_ns_of(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
-
-
-def _weather(path: Path) -> Moments:
-    """A year's weather as pvlib reads it, with the range of what is used checked; the sun in the middle of the hour."""
-    from pandas import to_numeric
-    from pvlib.iotools import read_epw
-
-    try:
-        hours, place = read_epw(path)
-        middle = (hours.index + timedelta(minutes=30)).tz_convert("UTC")
-    except OSError as error:
-        raise DataError(f"{path}: {error}", FORM) from error
-    except (ValueError, TypeError, KeyError, AttributeError) as error:  # of pandas, too
-        why, *_ = str(error).splitlines() or ["unreadable"]
-        hint = "it starts with LOCATION and has eight lines of header, then 35 values an hour"
-        raise DataError(f"{path}: is not an EPW file ({why})", hint) from None
-    problems = Problems(str(path))
-    if middle.has_duplicates:
-        problems.add("line 8", "its records are not hourly")
-    weather = {name: to_numeric(hours[name], errors="coerce").to_numpy(dtype=np.float64) for name in _USED}
-    for name, (low, high) in _USED.items():
-        for k in np.flatnonzero(~((weather[name] >= low) & (weather[name] <= high)))[:MOST_TOLD]:
-            problems.add(f"line {k + _HEAD + 1}: {name}", f"{hours[name].iloc[k]} is not from {low:g} to {high:g}")
-    problems.raise_if_any(DataError, "9999 stands for what is missing: fill it, or leave such hours out")
-    utc_ns = middle.as_unit("ns").asi8
-    seen = sun_position(utc_ns, Site(place["latitude"], place["longitude"], place["altitude"]))
-    columns = (*weather.values(), seen.geometric_altitude_deg, seen.altitude_deg, distance_factor(utc_ns))
-    lit = [_illuminances(*(float(value) for value in row)) for row in zip(*columns, strict=True)]
-    beam, diffuse_lx = np.array(lit, dtype=np.float64).reshape(-1, 2).T
-    return Moments(tuple(utc_text(int(ns)) for ns in utc_ns), seen.altitude_deg, seen.azimuth_deg, beam, diffuse_lx)
-
-
-def _illuminances(
-    normal: float, diffuse: float, dew_deg: float, geometric_deg: float, seen_deg: float, factor: float
-) -> tuple[float, float]:
-    """Beam and diffuse illuminance on the horizontal [lx] of irradiances [W/m²] and a dew point [°C].
-
-    Precipitable water [cm] is exp(0.07 T - 0.075) (Wright, Perez and Michalsky 1989, Solar Energy 42, which Perez 1990
-    takes); 2 cm where the dew point is missing (99.9 in an .epw).
-    """
-    if normal <= 0.0 and diffuse <= 0.0:
-        return 0.0, 0.0
-    sky = from_irradiances(normal, max(diffuse, 1.0), geometric_deg, factor)
-    zenith = math.radians(min(90.0, 90.0 - geometric_deg))
-    water_cm = math.exp(0.07 * dew_deg - 0.075) if dew_deg < 99.0 else 2.0
-    up = max(0.0, math.sin(math.radians(seen_deg)))
-    return normal * up * beam_efficacy(sky, zenith, water_cm), diffuse * diffuse_efficacy(sky, zenith, water_cm)

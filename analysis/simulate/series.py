@@ -5,6 +5,7 @@ images would lie elsewhere. Few rays a sun tell its flux to one per cent, and a 
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -12,10 +13,13 @@ from numpy.typing import NDArray
 
 from analysis.simulate.daylight import Daylight, sky_model, sun_source
 from analysis.simulate.matrix import SkylightMatrix, skylight_matrix
-from analysis.simulate.moments import Moments
+from analysis.simulate.moments import FORM, Moments, read_table
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field
 from analysis.simulate.tracer import Settings, trace
+from analysis.simulate.weather import read_weather
+from analysis.sky.sun import Site
+from labdaq.errors import DataError
 
 Floats = NDArray[np.float64]
 
@@ -59,6 +63,18 @@ class Series:
     sun: Part
     sky: Part
     distance_m: float
+
+
+def read_moments(path: Path, site: Site) -> Moments:
+    """Read a .csv table or an .epw weather file; ``site`` places the sun for a table of times.
+
+    Raises one `DataError` with the file, and line and column of each mistake.
+    """
+    if path.suffix.lower() == ".epw":
+        return read_weather(path)
+    if path.suffix.lower() != ".csv":
+        raise DataError(f"{path}: a table of moments ends in .csv or .epw", FORM)
+    return read_table(path, site)
 
 
 def series(

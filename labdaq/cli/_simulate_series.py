@@ -15,8 +15,7 @@ OPTIONS: Final = ("system", "series", "out", "as_json", "sky", "site", "distance
 
 def run_series(options: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """Read the table, predict each moment, write the table to ``out``, and return a report. Raises a `LabdaqError`."""
-    from analysis.simulate.moments import read_moments
-    from analysis.simulate.series import RAYS, series
+    from analysis.simulate.series import RAYS, read_moments, series
     from analysis.simulate.system import find
     from analysis.sky.sun import Site
     from labdaq.cli._simulate_job import changes, numbers
@@ -48,6 +47,7 @@ def run_series(options: Mapping[str, Any], out: Path) -> dict[str, Any]:
         "flux_lm_mean": float(flux.mean()),
         "flux_lm_max": float(flux.max()),
         "uncertainty": float(np.sqrt(np.mean((error[lit] / flux[lit]) ** 2))) if lit.any() else 0.0,
+        "notes": list(moments.notes),
     }
 
 

@@ -266,6 +266,8 @@ def _series(context: click.Context, out: Path | None, as_json: bool, options: di
         raise click.UsageError("--series needs a SYSTEM and --out FILE.csv")
     check_folder(out)
     report = run_series(options, out)
+    for note in report["notes"]:
+        click.echo(f"note: {note}", err=True)
     click.echo(json.dumps(report) if as_json else in_words(report))
 
 

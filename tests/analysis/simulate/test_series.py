@@ -2,6 +2,7 @@
 
 import csv
 import json
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,12 @@ import pytest
 from click.testing import CliRunner, Result
 
 from analysis.simulate.daylight import daylight
-from analysis.simulate.moments import read_moments
 from analysis.simulate.predict import predict
+from analysis.simulate.series import read_moments
 from analysis.simulate.system import named
-from analysis.sky.sun import GREENWOOD
+from analysis.sky.sun import GREENWOOD, sun_position
 from labdaq.cli.simulate import command
+from labdaq.clock import utc_ns_of, utc_text
 from labdaq.errors import DataError, LabdaqError
 
 OPEN = ["--set", "entry.kind=clear", "--set", "exit.kind=none"]
@@ -28,8 +30,17 @@ HEAD = (
     "DATA PERIODS,1,1,Data,Sunday,1/1,12/31\n"
 )
 HOUR = (
-    "2010,7,22,{hour},60,?,25,15,50,99000,0,0,300,0,{normal},{diffuse},0,0,0,0,0,0,5,5,9999,99999,9,9,20,0,0,88,0,0,1\n"
+    "2010,7,{day},{hour},60,?,25,15,50,99000,0,0,300,{whole},{normal},{diffuse},"
+    "0,0,0,0,0,0,5,5,9999,99999,9,9,20,0,0,88,0,0,1\n"
 )
+
+
+ZONE = timezone(timedelta(hours=-5))
+
+
+def an_hour(number: object, normal: object = 0, diffuse: float = 0, day: int = 22, whole: float = 0) -> str:
+    """A line of a weather file: irradiances [W/m²]."""
+    return HOUR.format(hour=number, normal=normal, diffuse=diffuse, day=day, whole=whole)
 
 
 def simulate(*words: str) -> Result:
@@ -76,7 +87,7 @@ def test_a_weather_file(tmp_path: Path) -> None:
     """Clear air at noon: some 105 lm/W of the beam, 130 of the blue sky (Perez 1990); the sun in mid hour."""
     path = tmp_path / "day.epw"
     light = {hour: (800, 120) if 7 <= hour <= 18 else (0, 0) for hour in range(1, 25)}
-    path.write_text(HEAD + "".join(HOUR.format(hour=h, normal=n, diffuse=d) for h, (n, d) in light.items()))
+    path.write_text(HEAD + "".join(an_hour(h, n, d) for h, (n, d) in light.items()))
     moments = read_moments(path, GREENWOOD)
     assert moments.times[12] == "2010-07-22T17:30:00.000Z"
     up = np.sin(np.radians(moments.altitude_deg[12]))
@@ -84,6 +95,41 @@ def test_a_weather_file(tmp_path: Path) -> None:
     assert 98.0 < moments.beam_lx[12] / (800 * up) < 112.0
     assert 115.0 < moments.diffuse_lx[12] / 120 < 145.0
     assert np.all(moments.beam_lx[[0, 1, 22, 23]] == 0.0)
+
+
+@pytest.mark.parametrize(("stood_min", "put_min"), [(30, 30), (36, 30), (0, 0), (60, 60), (71, 71)])
+def test_the_sun_stands_where_a_weather_file_had_it(tmp_path: Path, stood_min: int, put_min: int) -> None:
+    """Seven real files had the sun 0, 30, 60 and 71 minutes into the hour; from 36 to 30 is not worth a note.
+
+    Then the beam that is found is that of the file on the horizontal.
+    """
+    began = [datetime(2010, 7, 22 + day, hour, tzinfo=ZONE) for day in range(8) for hour in range(24)]
+    stood = np.array([utc_ns_of(t + timedelta(minutes=stood_min)) for t in began])
+    up = np.maximum(np.sin(np.radians(sun_position(stood, GREENWOOD).altitude_deg)), 0.0)
+    lit = [(float(u), 700 if u > 0.0 else 0, 100 if u > 0.0 else 0) for u in up]
+    text = "".join(an_hour(t.hour + 1, n, d, t.day, round(d + n * u)) for t, (u, n, d) in zip(began, lit, strict=True))
+    (tmp_path / "m.epw").write_text(HEAD + text)
+    moments = read_moments(tmp_path / "m.epw", GREENWOOD)
+    assert moments.times[12] == utc_text(utc_ns_of(began[12] + timedelta(minutes=put_min)))
+    assert [f"{put_min} minutes into" in note for note in moments.notes] == ([True] if put_min != 30 else [])
+    if stood_min == put_min:
+        assert np.array_equal(moments.altitude_deg > 0.0, up > 0.0)
+        high = up > 0.5
+        assert moments.beam_lx[high] / (700.0 * up[high]) == pytest.approx(101.0, abs=6.0)
+
+
+def test_a_weather_file_that_contradicts_itself_is_read_as_the_format_has_it(tmp_path: Path) -> None:
+    lit = [(hour, 800 if 7 <= hour <= 18 else 0) for hour in range(1, 25)]
+    rows = "".join(an_hour(h, n, n / 8, d, n) for d in range(1, 30) for h, n in lit)
+    (tmp_path / "m.epw").write_text(HEAD + rows)
+    moments = read_moments(tmp_path / "m.epw", GREENWOOD)
+    assert not moments.notes and moments.times[0] == "2010-07-01T05:30:00.000Z"
+
+
+def test_a_place_may_be_written_in_one_byte_letters(tmp_path: Path) -> None:
+    head = HEAD.replace("Greenwood", "K\u00f6ln").encode("latin-1")
+    (tmp_path / "m.epw").write_bytes(head + an_hour(13, 800, 120).encode())
+    assert read_moments(tmp_path / "m.epw", GREENWOOD).beam_lx[0] > 0.0
 
 
 @pytest.mark.parametrize(
@@ -97,9 +143,9 @@ def test_a_weather_file(tmp_path: Path) -> None:
         ("m.csv", TABLE + "-3,4,20,10,\n", "line 5: sun_altitude_deg"),
         ("m.txt", TABLE, "ends in .csv or .epw"),
         ("m.epw", TABLE, "not an EPW"),
-        ("m.epw", HEAD + HOUR.format(hour=1, normal=9999, diffuse=0), "line 9: dni: .*9999"),
-        ("m.epw", HEAD + 2 * HOUR.format(hour=1, normal=0, diffuse=0), "hourly"),
-        ("m.epw", HEAD + HOUR.format(hour=1, normal="x", diffuse=0), "m.epw"),
+        ("m.epw", HEAD + an_hour(1, 9999, 0), "line 9: dni: .*9999"),
+        ("m.epw", HEAD + 2 * an_hour(1, 0, 0), "hourly"),
+        ("m.epw", HEAD + an_hour(1, "x", 0), "m.epw"),
         ("none.epw", None, "none.epw"),
         ("none.csv", None, "none.csv"),
     ],
@@ -117,7 +163,7 @@ def test_mistakes_in_tables_are_named(tmp_path: Path, name: str, text: str | Non
 @pytest.mark.parametrize("hour", ["noon", "77", ""])
 def test_a_weather_file_of_no_dates_is_refused_in_one_line(tmp_path: Path, hour: str) -> None:
     """pandas explains itself in many."""
-    (tmp_path / "m.epw").write_text(HEAD + HOUR.format(hour=hour, normal=0, diffuse=0))
+    (tmp_path / "m.epw").write_text(HEAD + an_hour(hour, 0, 0))
     with pytest.raises(DataError, match="not an EPW file") as caught:
         read_moments(tmp_path / "m.epw", GREENWOOD)
     assert len(caught.value.message.splitlines()) == 1
