@@ -75,6 +75,10 @@ def parse_xml(data: bytes, source: str) -> Node:
     parser.EndElementHandler = lambda tag: stack.pop()
     parser.CharacterDataHandler = text
     parser.StartDoctypeDeclHandler = refuse
+    before, mark, _ = data.partition(b"<")
+    if mark and before.isascii() and before.strip():  # as where a program's messages went into its output
+        words = before.decode().strip().split("\n")[0][:40]
+        raise DataError(f"{source}: line 1: {words!r} stands before the document", "take out all before the first '<'")
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:

@@ -226,6 +226,7 @@ def cut(data: bytes, tag: bytes) -> bytes:
 
 MALFORMED = {
     "no XML": (b"hello", "line 1: syntax error"),
+    "messages before it": (b"Recover using: genBSDF\n<a/>", "line 1: 'Recover using: genBSDF' stands before"),
     "cut": (GOOD[:2000], "line .*: no element found|unclosed token"),
     "empty": (b"", "no element found"),
     "something else": (b"<a/>", "line 1: the file is <a>"),
