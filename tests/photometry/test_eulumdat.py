@@ -29,7 +29,7 @@ def relative(symmetry: int, planes: str, intensities: list[float], **changes: st
     head = {
         "id": "Lab", "type": "2", "sym": str(symmetry), "mc": str(n), "dc": f"{360 / n:g}", "ng": "3", "dg": "45",
         "report": "r", "name": "n", "number": "no", "file": "f", "date": "d",
-        "size": "600\n600\n100", "lum": "600\n0\n0\n0\n0\n0", "dff": "100", "lorl": "80", "conv": "1", "tilt": "0",
+        "size": "600\n600\n100", "lum": "600\n0\n0\n0\n0\n0", "dff": "100", "lorl": "22.8", "conv": "1", "tilt": "0",
         "lamps": "1\n2\nT5\n4000\n830\n1A\n80", "dr": "\n".join(["0.5"] * 10),
         "c": "\n".join(planes.split()), "g": "0\n45\n90",
         "i": "\n".join(f"{v}\n{v / 2}\n0" for v in intensities),
@@ -112,6 +112,10 @@ def test_oddities() -> None:
     assert "byte order mark" in str(parse_eulumdat(b"\xef\xbb\xbf" + good).oddities[0])
     dark = parse_eulumdat(relative(1, "0", [100], i="100\n-1\n0"))
     assert str(dark.oddities[0]).endswith("1 negative intensity value(s), kept") and dark.oddities[0].line == 48
+    bright = parse_eulumdat(relative(1, "0", [400]))
+    assert str(bright.oddities[0]).startswith("line 23: the light output ratio is 22.8 %")
+    assert "hold 91.3" in str(bright.oddities[0])
+    assert parse_eulumdat(relative(1, "0", [400], lorl="0")).oddities == ()
     assert "not 30 apart" in str(parse_eulumdat(relative(1, "0", [100], dg="30")).oddities[0])
 
 
