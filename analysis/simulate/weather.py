@@ -55,7 +55,9 @@ def read_weather(path: Path) -> Moments:
     hours, site = _read(path)
     start = hours.index
     problems = Problems(str(path))
-    if start.has_duplicates:
+    for k in np.flatnonzero(start.isna())[:_MOST_TOLD]:
+        problems.add(f"line {k + _HEAD + 1}", "no date and hour")
+    if start.dropna().has_duplicates:
         problems.add("line 8", "its records are not hourly")
     weather = {name: _numbers(hours, name) for name in _USED}
     for name, (low, high) in _USED.items():
