@@ -53,7 +53,8 @@ def decide(found: Conclusion, few: float) -> None:
         off = found.one_instrument and abs(found.level) > LEVEL_ALONE
         found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
-        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH) or _another_lens(found)
+        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
+        wrong = wrong or (gain < STRONG and _another_lens(found))
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0))):
         found.verdict = "unexplained"

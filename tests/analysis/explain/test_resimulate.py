@@ -1,6 +1,7 @@
 """Our own re-simulations: what each setting changes, as ratios to themselves."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from analysis.explain import again, likeness, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.mechanisms.base import predict
+from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
@@ -221,6 +223,13 @@ def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
 
 
 # what mechanisms make of them
+
+
+def test_images_spread_are_no_aureole_where_the_lens_can_be_traced_under_one(scene: Scene) -> None:
+    """They are also what a lens makes that scatters more than the one simulated."""
+    (aureole,) = (m for m in CATALOGUE if m.id == "circumsolar-aureole")
+    assert [b.label for b in aureole.branches(scene)] == ["simulated again"]
+    assert [b.label for b in aureole.branches(replace(scene, retraced=None))] == ["images spread"]
 
 
 def test_an_aureole_as_narrow_as_the_disc_changes_nothing(scene: Scene, simulated: OwnSimulation) -> None:

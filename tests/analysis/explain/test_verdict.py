@@ -448,6 +448,7 @@ def test_where_another_lens_was_simulated_only_a_change_of_the_lens_is_told(arm:
     assert told == {"clock-offset": "unexplained", "lens-orientation": "partly-explained"}
     assert _decided(arm, ("clock-offset", 400.0), hyper=Hyper(7.0, 1.0, 1.0)).verdict == "partly-explained"
     assert _decided(arm, ("clock-offset", 4000.0), hyper=lens).verdict == "explained"
+    assert _decided(arm, ("clock-offset", 4000.0), left=300.0, hyper=lens).verdict == "partly-explained"
 
 
 def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> None:
