@@ -107,7 +107,7 @@ def _open_sizes(search: Search, fit: Fit) -> Floats:
             per_unit = max(float(np.linalg.norm(fit.jacobian[:, mine])), 1e-12)
             at_most = sizes[0] if term.parameters[0].centre == 0.0 else np.inf
             sizes = np.array([min(change / per_unit, at_most)])
-        found += (term.mechanism.size_error_in(search.scene) * sizes).tolist()
+        found += (term.mechanism.size_error_in(search.scene, term.branch) * sizes).tolist()
     return np.array(found)
 
 

@@ -158,7 +158,7 @@ class COffset(Mechanism):
         """Between recorded directions the light is only interpolated."""
         return _INTERPOLATED if scene.interpolated else self.form_error
 
-    def size_error_in(self, scene: Scene) -> float:
+    def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Images that are not as sharp as simulated seem to turn less."""
         return IMAGES_OF_SIZE
 

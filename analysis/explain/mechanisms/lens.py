@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
-from analysis.explain.mechanisms.base import Branch, Stage
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage
 from analysis.explain.mechanisms.retraced import NO_VARIANT, OF_CASE, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
@@ -103,6 +103,10 @@ class LensAnisotropy(Retraced):
     needs = "a variant, or the systems' description"
     source = "re-simulation; report chapters 6 and 9"
     tie_breaker = "turn the skylight by 45°"
+
+    def size_error_in(self, scene: Scene, branch: Branch) -> float:
+        """Another lens has other prisms than the one that was traced; the case's own variants have the same."""
+        return super().size_error_in(scene, branch) if branch.value.of_case else IMAGES_OF_SIZE
 
 
 class LensOrientation(Retraced):

@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import blurred
-from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
@@ -121,6 +121,10 @@ class CircumsolarAureole(Mechanism):
         """
         again = scene.retraced is not None and scene.retraced.aureole(_LEAST_WIDE_DEG) is not None
         return (Branch("simulated again", _AGAIN),) if again else (Branch("images spread", _SPREAD),)
+
+    def size_error_in(self, scene: Scene, branch: Branch) -> float:
+        """A lens that spreads light itself hides a part of an aureole, another part than the one that was traced."""
+        return IMAGES_OF_SIZE
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Blur the sun part by the aureole, on the outgoing sphere or by re-simulation."""

@@ -73,9 +73,9 @@ class ClockOffset(Mechanism):
             return 0.25
         return self.form_error if np.any(scene.is_gonio) else Mechanism.form_error
 
-    def size_error_in(self, scene: Scene) -> float:
+    def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Images that are not as sharp as simulated seem to move less."""
-        return IMAGES_OF_SIZE if np.any(scene.is_gonio) else super().size_error_in(scene)
+        return IMAGES_OF_SIZE if np.any(scene.is_gonio) else super().size_error_in(scene, branch)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""

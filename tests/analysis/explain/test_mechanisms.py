@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.cases import Case
+from analysis.explain import retrace
 from analysis.explain.apply import Model, apply_model
-from analysis.explain.mechanisms.base import Term, predict, terms_of
+from analysis.explain.mechanisms.base import FORM_OF_SIZE, IMAGES_OF_SIZE, Branch, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import retraced_of
@@ -345,3 +346,13 @@ def test_a_meter_may_be_right_at_any_level(roof: Scene) -> None:
     level = way.branch.facts["level"]
     made = predict(roof, (way,), np.array([-0.1, np.log(30_000.0 / level)]))[: len(ROOF_TESTS)]
     assert made == pytest.approx((BEAM + SKY) * ((BEAM + SKY) / 30_000.0) ** -0.1)
+
+
+@pytest.mark.parametrize(("of_case", "open_share"), [(True, FORM_OF_SIZE), (False, IMAGES_OF_SIZE)])
+def test_prisms_of_another_lens_leave_open_how_far_they_are_not_isotropic(
+    arm: Scene, of_case: bool, open_share: float
+) -> None:
+    one = np.ones((2, 1, 1, 1))
+    mechanism = BY_ID["lens-anisotropy"]
+    way = retrace.Path("a pattern", mechanism.parameters[0], np.array([0.0, 1.0]), one, one, of_case=of_case)
+    assert mechanism.size_error_in(arm, Branch(way.label, way)) == open_share
