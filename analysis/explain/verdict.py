@@ -11,6 +11,7 @@ from analysis.explain.thresholds import (
     ALIKE,
     APART,
     DOUBLES,
+    DOUBTFUL,
     EVEN,
     EVEN_GAIN,
     EVEN_READINGS,
@@ -122,7 +123,7 @@ def name_the_sure(found: Conclusion) -> bool:
     the named is.
     """
     ids = found.best.ids
-    if found.one_instrument or not ids or min(found.probability.values()) >= found.sure:
+    if found.one_instrument or not ids or min(found.probability.values()) >= DOUBTFUL:
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])
