@@ -4,7 +4,7 @@ The peers get the same forward models as `labdaq explain`, and its usable ways (
 do not get is its likelihood, its priors, its thresholds or its doubts: those are what is compared.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -133,7 +133,7 @@ class Problem:
 
     def only(self, keep: np.ndarray, factor: Floats | None = None) -> "Problem":
         """The problem without the rows not kept."""
-        return Problem(replace(self.scene, readings=self.readings.only(keep), memory={}), factor)
+        return Problem(self.scene.only(keep), factor)
 
     def fitted(self, terms: tuple[Term, ...], theta: Floats) -> tuple[Floats, float, Floats]:
         """Least squares from ``theta``: parameters, sum of squares, and standard deviations for unit errors."""

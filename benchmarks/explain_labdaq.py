@@ -13,7 +13,7 @@ from explain_forms import simulation
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import answer
-from analysis.explain.apply import apply_model
+from analysis.explain.apply import apply_model, read_model
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mismatch import explain
@@ -38,6 +38,7 @@ class Labdaq:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "explanation.json"
             path.write_text(json.dumps(self.content), encoding="utf-8")
+            self.model = read_model(Path(folder))
             return read_answer(path)
 
     @property
@@ -60,7 +61,6 @@ class Labdaq:
 
     def elsewhere(self, case: Case) -> Floats:
         """Predictions of all records of another case."""
-        model = [] if self.content["verdict"] in SILENT else self.content["model"]
-        rows = csv.DictReader(io.StringIO(apply_model(model, case, simulation(case))))
+        rows = csv.DictReader(io.StringIO(apply_model(self.model, case, simulation(case))))
         factor = Readings.of(case, measured_only=False).unit_factor
         return np.array([float(row["corrected"]) for row in rows]) * factor

@@ -9,7 +9,7 @@ from explain_forms import Problem, scene_of, simulation, starts, usable
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.apply import apply_model
+from analysis.explain import apply
 from analysis.explain.mechanisms.base import Term, predict, terms_of
 from analysis.explain.readings import Readings
 from simulators.trial.answer import Answer, Named
@@ -48,7 +48,7 @@ class Model:
             }
             for term, theta, sd in self.parts()
         ]
-        rows = csv.DictReader(io.StringIO(apply_model(entries, case, simulation(case))))
+        rows = csv.DictReader(io.StringIO(apply.apply_model(apply.Model(tuple(entries)), case, simulation(case))))
         factor = Readings.of(case, measured_only=False).unit_factor
         return np.array([float(row["corrected"]) for row in rows]) * factor
 

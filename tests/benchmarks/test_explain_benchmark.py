@@ -110,6 +110,23 @@ def test_a_peer_names_a_strong_effect_where_its_assumptions_hold(
         return float(np.std(ratio))
 
     assert shape(method.left_out(rows)) < 0.5 * shape(before)
+    assert method.elsewhere(turned).shape == turned.records.measured.shape
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_labdaq_answers_as_its_peers_do(bench: ModuleType, turned: Case) -> None:
+    import explain_labdaq
+
+    method = explain_labdaq.Labdaq(turned)
+    assert [m.id for m in method.find().mechanisms] == ["c-offset"]
+    rows = method.readings.test == 2
+    there = method.elsewhere(turned)
+    away = [
+        np.std(np.log(x / method.readings.measured)[method.readings.measured > 1.0])
+        for x in (there, method.readings.simulated)
+    ]
+    assert away[0] < 0.7 * away[1]
+    assert method.left_out(rows) == pytest.approx(there[rows], rel=0.2)
 
 
 @pytest.mark.filterwarnings("ignore")
