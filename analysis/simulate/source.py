@@ -75,6 +75,9 @@ def suns(
 ) -> Source:
     """Suns as discs of even luminance, optionally widened by a Gaussian of rms ``aureole_deg`` per axis.
 
+    ``normal_illuminance_lx`` [lx] counts each ray on a plane that faces the ray. On one plane that faces the middle it
+    is less by the mean cosine: 5e-6 of the sun's disc, .8 % of one of 10 degrees.
+
     Raises `DataError` for a sun at or below the horizon.
     """
     altitude, azimuth, normal = np.broadcast_arrays(

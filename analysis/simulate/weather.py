@@ -6,7 +6,7 @@ illuminances, which many files lack, are not read.
 
 Each line is an hour that ends at its number, so the sun should stand where it is in the middle of the hour. Not all
 who make such files keep to that: of seven real ones (of IWEC, TMY3, Meteonorm, PVGIS, Climate.OneBuilding and others)
-three had the normal irradiance of a sun 0, 60 and 71 minutes into the hour. The file itself tells: global is diffuse
+three had the normal irradiance of a sun 1, 60 and 71 minutes into the hour. The file itself tells: global is diffuse
 plus normal times the sine of the sun's height.
 """
 

@@ -106,7 +106,6 @@ class CircumsolarAureole(Mechanism):
     form_error = 0.2
     local_error = 0.3  # where a lens sends the light about the sun, it decides
     like_a_lens = True
-    modelled_twice = True
 
     def why_not(self, scene: Scene) -> str:
         """The aureole belongs to the sun part."""
@@ -115,9 +114,9 @@ class CircumsolarAureole(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """What a lens makes of the sun's surroundings; the prediction's own images spread where no lens can be traced.
 
-        Images spread are also what any lens makes that scatters more than the one simulated. (In the own trial four
-        names told by them were wrong, where the lens traced under an aureole gained nothing; three told by that were
-        right.)
+        Images spread are also what any lens makes that scatters more than the one simulated. (In the own trial all five
+        names told by them were wrong, four of them where the lens traced under an aureole gained nothing; all five told
+        by that were right.)
         """
         again = scene.retraced is not None and scene.retraced.aureole(_LEAST_WIDE_DEG) is not None
         return (Branch("simulated again", _AGAIN),) if again else (Branch("images spread", _SPREAD),)

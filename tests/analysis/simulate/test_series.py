@@ -99,7 +99,7 @@ def test_a_weather_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("stood_min", "put_min"), [(30, 30), (36, 30), (0, 0), (60, 60), (71, 71)])
 def test_the_sun_stands_where_a_weather_file_had_it(tmp_path: Path, stood_min: int, put_min: int) -> None:
-    """Seven real files had the sun 0, 30, 60 and 71 minutes into the hour; from 36 to 30 is not worth a note.
+    """Seven real files had the sun 1, 30, 60 and 71 minutes into the hour; from 36 to 30 is not worth a note.
 
     Then the beam that is found is that of the file on the horizontal.
     """
