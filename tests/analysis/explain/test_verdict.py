@@ -19,6 +19,7 @@ from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     AHEAD,
+    DOUBTFUL,
     HOLDS_LAWS,
     LIKELIER,
     MISFIT_LENS,
@@ -118,6 +119,20 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert found.best.ids == ("soiling",)
     assert found.verdict == "partly-explained"
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
+
+
+@pytest.mark.parametrize(("rival", "told"), [(365.0, "soiling"), (300.0, "meter-cosine")])
+def test_a_surer_name_is_told_instead_of_one_that_is_a_little_likelier_than_not(
+    arm: Scene, rival: float, told: str
+) -> None:
+    found = _decided(arm, ("meter-cosine", 120.0), ("soiling", 350.0), ("cosine-response", 119.0))
+    found.best = _hypothesis(arm, 385.0, "meter-cosine", "soiling")
+    found.considered = [(("nonlinearity", "soiling"), rival)]
+    decide(found, 1.0)
+    sure = found.probability["meter-cosine"]
+    assert sure > SURE_BELOW
+    assert name_the_sure(found) == (sure < DOUBTFUL)
+    assert found.best.first == told
 
 
 def test_no_name_is_sure_where_a_law_beyond_the_catalogue_does_better(arm: Scene) -> None:
