@@ -208,17 +208,22 @@ class Fitter:
         return np.concatenate([points, [inside(p, term.parameters) for p in scaled]])
 
     def promise(self, term: Term, hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()) -> tuple[float, Floats]:
-        """How far one term more may lower the objective, and from which start; others are held where they were fitted.
+        """How far one term more may lower the objective, and from which start.
 
-        The change that a start makes is scaled to what fits best, as if the model were linear in it.
+        The change that a start makes is scaled to what fits best, as if the model were linear in it and in the
+        parameters of the others: what a first mechanism took of the second's, it gives back.
         """
         points = _starts(term)
         terms = (*beside.terms, term)
         moved = [beside.residual - self.residual(terms, np.concatenate([beside.theta, p])) for p in points]
-        gram = self.whitener(hyper, extra).gram(np.column_stack([beside.residual, *moved]))
-        onto, size = gram[0, 1:], np.diag(gram)[1:]
+        gram = self.whitener(hyper, extra).gram(np.column_stack([beside.residual, *moved, beside.jacobian]))
+        n = 1 + len(points)
+        sigma = np.array([p.sigma for p in beside.parameters])
+        given_back = np.linalg.solve(gram[n:, n:] + np.diag(sigma**-2.0), gram[n:, :n])
+        left = gram[:n, :n] - gram[:n, n:] @ given_back
+        onto, size = left[0, 1:], np.diag(left)[1:]
         scaled = np.where(onto > 0.0, onto**2 / np.maximum(size, 1e-12), 0.0)
-        drop = np.maximum(scaled, 2.0 * onto - size)
+        drop = np.maximum(scaled, 2.0 * gram[0, 1:n] - np.diag(gram)[1:n])
         best = int(np.argmax(drop))
         return float(drop[best]), points[best]
 
