@@ -12,6 +12,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.nearness import days_of, smooth_along
 from analysis.explain.scene import Scene
+from analysis.explain.series import recorded
 
 USUAL = 0.005
 """Usual relative error of a day's beam, and of its sky."""
@@ -19,6 +20,10 @@ OF_THE_AIR = 0.005
 """The same of the optical depth of a day's air, and of the air over all days."""
 BY_HEIGHT, BY_LEVEL = 0.006, 0.005
 """Usual relative error of a prediction for all days, smooth in the sun's height, and in the level."""
+OF_A_RECORDING = 0.3
+"""Shares of these that a second instrument's recording has wrong: it stands in the same air."""
+OF_AN_INSTRUMENT = 0.002
+"""Usual relative error of a second instrument from day to day, the same for beam and sky."""
 _AS_THE_DAYS = 0.2
 """Such a share of these comes on top, times what the days differ by."""
 _WIDTH = 0.6
@@ -43,11 +48,14 @@ def air_error_effects(scene: Scene) -> Floats:
     apart = np.isfinite(r.sun) & np.isfinite(r.sky)
     beam = np.where(apart, r.sun, r.simulated) / total
     lost = beam * air_mass(np.maximum(np.nan_to_num(r.sun_altitude_at_deg, nan=90.0), 3.0))
-    parts = [USUAL * beam, OF_THE_AIR * lost]
+    share = OF_A_RECORDING if recorded(scene) else 1.0
+    parts = [share * USUAL * beam, share * OF_THE_AIR * lost]
     if np.any(apart):
-        parts.append(USUAL * np.where(apart, r.sky, 0.0) / total)
+        parts.append(share * USUAL * np.where(apart, r.sky, 0.0) / total)
+    if share < 1.0:
+        parts.append(np.where(scene.is_roof, OF_AN_INSTRUMENT * r.simulated / total, 0.0))
     columns = [np.where(day == k, part, 0.0) for part in parts for k in days]
-    columns.append(OF_THE_AIR * np.where(scene.is_roof, lost - lost[scene.is_roof].mean(), 0.0))
+    columns.append(share * OF_THE_AIR * np.where(scene.is_roof, lost - lost[scene.is_roof].mean(), 0.0))
     by_day = np.stack(columns, axis=1) * (np.abs(r.measured) / r.scale)[:, None]
     return np.concatenate([by_day, _AS_THE_DAYS * errors_of_all_days(scene)], axis=1)
 
@@ -60,6 +68,7 @@ def errors_of_all_days(scene: Scene) -> Floats:
     nothing was left out: a nonlinearity for a hundred nats.)
     """
     r = scene.readings
+    share = OF_A_RECORDING if np.any(scene.is_roof) and recorded(scene) else 1.0
     columns: list[Floats] = []
     for channel in np.unique(r.channel[scene.is_roof]):
         mine = np.flatnonzero(scene.is_roof & (r.channel == channel))
@@ -70,7 +79,7 @@ def errors_of_all_days(scene: Scene) -> Floats:
         for size, x in along:
             for bump in smooth_along(x, _WIDTH).T:
                 column = np.zeros(len(r))
-                column[mine] = size * (bump - bump.mean())
+                column[mine] = share * size * (bump - bump.mean())
                 columns.append(column)
     if not columns:
         return np.zeros((len(r), 0))

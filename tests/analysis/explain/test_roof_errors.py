@@ -9,14 +9,15 @@ import pytest
 
 from analysis.cases.model import Floats
 from analysis.explain import air_error
-from analysis.explain.air_error import air_error_effects, errors_of_all_days
+from analysis.explain.air_error import air_error_effects, air_mass, errors_of_all_days
 from analysis.explain.answer import answer
 from analysis.explain.mismatch import explain
 from analysis.explain.mount_error import LEVEL_DEG, mount_errors
 from analysis.explain.nearness import smooth_along
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
-from tests.analysis.explain.roof import roof_case
+from analysis.explain.series import recorded
+from tests.analysis.explain.roof import beam_and_sky, roof_case
 from tests.analysis.explain.test_mechanisms import acted
 from tests.analysis.explain.test_roof_series import series
 
@@ -70,12 +71,28 @@ def test_what_is_wrong_alike_on_all_days_is_allowed_for(
     wrong: Callable[[Floats, Floats], Floats], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=1e-6)))
+    monkeypatch.setattr(air_error, "recorded", lambda scene: False)
     r = scene.readings
     error = wrong(r.sun_altitude_at_deg, r.simulated / r.simulated.max())
     alike, by_day = errors_of_all_days(scene), air_error_effects(scene)
     with_them = left_of(error, np.concatenate([alike, by_day], axis=1))
     monkeypatch.setattr(air_error, "_AS_THE_DAYS", 0.0)
     assert with_them < 0.1 and with_them < 0.5 * left_of(error, air_error_effects(scene))
+
+
+def test_a_second_instrument_is_no_model_of_the_sky(tmp_path: Path) -> None:
+    """It has noise of its own, and stands in the same air; a model has none, and errs as its turbidity does."""
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=1e-6)))
+    r = scene.readings
+    smooth = replace(r, simulated=(beam_and_sky(r.sun_altitude_at_deg)[0] + beam_and_sky(r.sun_altitude_at_deg)[1]))
+    model = Scene(smooth)
+    assert recorded(scene) and not recorded(model)
+    days = Scene(Readings.of(series(tmp_path / "cloud")))
+    assert recorded(days), "two days are clear"
+    assert not recorded(days.only(days.readings.test == 1)), "under broken cloud nothing tells"
+    first = r.utc_ns < r.utc_ns[0] + 43_200 * 10**9
+    low = np.where(first, 0.03 * air_mass(r.sun_altitude_at_deg) * r.sun / r.simulated, 0.0)
+    assert left_of(low, air_error_effects(model)) < 0.4 * left_of(low, air_error_effects(scene))
 
 
 def test_what_is_wrong_alike_on_all_days_is_no_gain(roof: Scene) -> None:
