@@ -38,6 +38,7 @@ def answer(e: Explanation) -> dict[str, Any]:
         "mismatch": [] if agrees else [_place(m) for m in e.mismatch],
         "noted": [_place(m) for m in e.mismatch] if agrees else [],
         "mechanisms": named(e),
+        "either": either(e),
         "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.not_claimed],
         "indistinguishable": [list(pair) for pair in found.indistinguishable],
         "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
@@ -56,7 +57,19 @@ def answer(e: Explanation) -> dict[str, Any]:
 
 
 def named(e: Explanation) -> list[dict[str, Any]]:
-    """The mechanisms that are claimed, surest first."""
+    """The mechanisms that are claimed, surest first; not those whose doubles do as well (`either`)."""
+    return [row for row in _of_the_best(e) if row["id"] not in e.conclusion.either]
+
+
+def either(e: Explanation) -> list[dict[str, Any]]:
+    """What was found and has several names that these readings cannot tell apart: its ids, told as one."""
+    alike = e.conclusion.either
+    rows = [({"ids": [row["id"], *alike[row["id"]]]}, row) for row in _of_the_best(e) if row["id"] in alike]
+    return [{**ids, **{key: value for key, value in row.items() if key != "id"}} for ids, row in rows]
+
+
+def _of_the_best(e: Explanation) -> list[dict[str, Any]]:
+    """What is found, surest first; nothing where the verdict names nothing."""
     found = e.conclusion
     if found.verdict in {"no-mismatch", "unexplained"}:
         return []

@@ -4,13 +4,14 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.alone import odd_readings
-from analysis.explain.conclusion import Conclusion, Unnamed
+from analysis.explain.conclusion import Conclusion, Unnamed, doubles
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
+    ALIKE,
     BASES,
     HOLDS_LAWS,
     LEAST_EFFECT,
@@ -29,7 +30,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, doubles, misfit, name_the_sure, share_of, share_with_doubles
+from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles
 
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -191,7 +192,9 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         return None
     if share < found.sure_beside:
         return None
-    best.tied = base.tied + tuple((new, h.ids[-1]) for h in candidates if h.ids[-1] in doubles(new))
+    near = max(ALIKE, found.temper(gain))
+    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < near)
+    best.tied = base.tied + tuple((new, h.ids[-1]) for h in tied)
     best.added_to = base.first
     best.evidence = base.evidence + gain
     return gain, best

@@ -8,6 +8,7 @@ from analysis.explain.mechanisms.base import Term
 from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
+    DOUBLES,
     IMITATION,
     IMITATION_LENS,
     SURE,
@@ -113,6 +114,13 @@ class Conclusion:
         return sorted([leading, *self.alternatives], key=lambda item: -item[1])
 
     @property
+    def either(self) -> dict[str, tuple[str, ...]]:
+        """Names of the best set that do no better than their doubles, and those: which of them it is, is open."""
+        told = {name: [d for pair in self.indistinguishable if name in pair for d in pair] for name in self.best.ids}
+        found = {name: tuple(d for d in doubles(name) if d in others) for name, others in told.items()}
+        return {name: alike for name, alike in found.items() if alike}
+
+    @property
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return IMITATION_LENS if of_another_lens(self.best) else IMITATION
@@ -160,6 +168,11 @@ class Conclusion:
     def temper(self, gain: float) -> float:
         """How many nats count as one for the first name, beside what that gains."""
         return temper(gain, self.nat)
+
+
+def doubles(name: str) -> tuple[str, ...]:
+    """Mechanisms that are one and the same number as a given one."""
+    return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
 
 
 def temper(gain: float, nat: float = TEMPER) -> float:

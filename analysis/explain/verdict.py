@@ -3,14 +3,13 @@
 import numpy as np
 from scipy.special import expit
 
-from analysis.explain.conclusion import Conclusion, of_another_lens, of_the_case, temper, traced
+from analysis.explain.conclusion import Conclusion, doubles, of_another_lens, of_the_case, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
-    DOUBLES,
     DOUBTFUL,
     EVEN,
     EVEN_GAIN,
@@ -88,11 +87,6 @@ def _another_lens(found: Conclusion) -> bool:
     left = found.best.fit.hyper
     told = any(t.mechanism.like_a_lens for t in found.best.fit.terms)
     return left.shape > OTHER_LENS.shape and left.lens > OTHER_LENS.lens and not told
-
-
-def doubles(name: str) -> tuple[str, ...]:
-    """Mechanisms that are one and the same number as a given one."""
-    return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
 
 
 def share_of(
@@ -235,17 +229,12 @@ def _probabilities(found: Conclusion) -> None:
 
 
 def share_with_doubles(found: Conclusion) -> None:
-    """Divide the probability of a name between it and the doubles that do as well: it was that of either."""
+    """Tell a name and the doubles that do as well among the alternatives: its probability is that of either."""
     alone = _alone(found)
-    for name in [m for m in found.best.ids if m in found.probability]:
-        told = {other for pair in found.indistinguishable if name in pair for other in pair}
-        alike = [d for d in _doubles_here(found, name, alone) if d in told]
-        if not alike:
-            continue
+    for name, alike in found.either.items():
         gains = np.array([alone[m] for m in (name, *alike)])
         parts = np.exp(gains - gains.max()) / np.sum(np.exp(gains - gains.max()))
-        of_either = found.probability[name]
-        found.probability[name] = float(of_either * parts[0])
         rest = tuple(m for m in found.best.ids if m != name)
-        found.alternatives += [((*rest, d), float(of_either * p)) for d, p in zip(alike, parts[1:], strict=True)]
+        shares = zip((name, *alike), found.probability[name] * parts, strict=True)
+        found.alternatives += [((*rest, m), float(p)) for m, p in shares]
     found.alternatives.sort(key=lambda item: -item[1])

@@ -49,3 +49,5 @@ def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:
     click.echo(f"verdict: {content['verdict']}")
     for m in content["mechanisms"]:
         click.echo(f"  {m['id']} ({m['probability']:.0%}): {m['statement']}")
+    for m in content["either"]:
+        click.echo(f"  either {' or '.join(m['ids'])} ({m['probability']:.0%}): {m['statement']}")

@@ -44,7 +44,8 @@ class Outcome:
         if concealed in self.named:
             return "named"
         alike = [pair for pair in self.answer.get("indistinguishable", ()) if concealed in pair]
-        return "named as indistinguishable" if any(set(pair) & set(self.named) for pair in alike) else "not named"
+        told = {*self.named, *(name for one in self.answer.get("either", ()) for name in one["ids"])}
+        return "named as indistinguishable" if any(set(pair) & told for pair in alike) else "not named"
 
     def facts(self) -> dict[str, Any]:
         """For the folder's mark."""
@@ -62,6 +63,11 @@ class Outcome:
         lines.append(f"answer      {self.answer['verdict']}")
         for one in self.answer["mechanisms"]:
             lines.append(f"            {one['id']} ({100 * one['probability']:.0f} %): {one['statement']}")
+            lines += self._parameters(one)
+        for one in self.answer.get("either", ()):
+            lines.append(
+                f"            {' or '.join(one['ids'])} ({100 * one['probability']:.0f} %): {one['statement']}"
+            )
             lines += self._parameters(one)
         for pair in self.answer.get("indistinguishable", ()):
             lines.append(f"            cannot be told apart with these tests: {' and '.join(pair)}")

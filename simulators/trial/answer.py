@@ -20,6 +20,14 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Either:
+    """A cause with several names that the answer says are one in this case, and how probable it is that it is one."""
+
+    ids: frozenset[str]
+    probability: float
+
+
+@dataclass(frozen=True)
 class Place:
     """Where a mismatch was found; ``None`` means everywhere along that coordinate."""
 
@@ -46,6 +54,8 @@ class Answer:
         Groups of ids that the answer says cannot be told apart.
     places
         Where it found mismatch.
+    either
+        What was found and is not named, since its names cannot be told apart.
     """
 
     verdict: str
@@ -53,6 +63,7 @@ class Answer:
     alternatives: tuple[tuple[tuple[str, ...], float], ...] = ()
     indistinguishable: tuple[frozenset[str], ...] = ()
     places: tuple[Place, ...] = ()
+    either: tuple[Either, ...] = ()
 
 
 def read_answer(path: Path) -> Answer:
@@ -78,6 +89,7 @@ def _parsed(raw: dict[str, Any]) -> Answer:
         alternatives=tuple((tuple(a["ids"]), float(a["probability"])) for a in raw.get("alternatives", [])),
         indistinguishable=tuple(frozenset(group) for group in raw.get("indistinguishable", [])),
         places=tuple(_place(m.get("where") or {}) for m in raw.get("mismatch", [])),
+        either=tuple(Either(frozenset(m["ids"]), float(m["probability"])) for m in raw.get("either", [])),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.trial.answer import Answer, Named, Place
+from simulators.trial.answer import Answer, Either, Named, Place
 from simulators.trial.truth import Concealed, Truth
 
 Floats = NDArray[np.float64]
@@ -74,20 +74,21 @@ class Outcome:
     verdict
         The answer's; ``failed`` if there was none.
     named
-        Ids in the answer's order, with stated probabilities.
+        Ids in the answer's order, with stated probabilities; then what it tells as either of several.
     first
         How the first name of a single's answer stands: ``right``, ``equivalent``, ``composite`` (the truth stands
-        beside it as indistinguishable), ``wrong``, ``none``.
+        beside it as indistinguishable, or is one of several that the answer tells as one), ``wrong``, ``none``.
     claims
-        Per named mechanism: probability, and whether it is in the truth (or its equivalent, or composite with it).
+        Per named mechanism, or several told as one: probability, and whether it is in the truth (or its equivalent,
+        or composite with it).
     both
-        Whether both of a pair were named.
+        Whether both of a pair were named, or told as one of several.
     extra
         Names beside a single that are not in the truth.
     located
         Whether a stated place holds the effect.
     inside_pair
-        Claims that stand in a group the answer itself calls indistinguishable, less those with all of the group.
+        Claims that stand in a group the answer itself calls indistinguishable.
     silent_pair
         Claims of a cause whose equivalents (by the truth) the answer does not mention.
     intervals
@@ -127,12 +128,14 @@ def judge(
     """Judge an answer."""
     inside = [c for c in truth.concealed if c.inside]
     claims = tuple((m.id, m.probability, _right(m.id, inside, answer)) for m in answer.mechanisms)
+    claims += tuple((_together(e), e.probability, _among(e, inside)) for e in answer.either)
     right_ids = {c.id for c in inside}
-    matched = {c.id for c in inside for m in answer.mechanisms if m.id == c.id or m.id in c.equivalents}
+    told = {*(m.id for m in answer.mechanisms), *(name for e in answer.either for name in e.ids)}
+    matched = {c.id for c in inside if told & {c.id, *c.equivalents}}
     return Outcome(
         truth=truth,
         verdict=answer.verdict,
-        named=tuple((m.id, m.probability) for m in answer.mechanisms),
+        named=tuple((name, probability) for name, probability, _ in claims),
         first=_first(inside, answer),
         claims=claims,
         both=len(inside) == 2 and matched == right_ids,
@@ -152,7 +155,17 @@ def _right(name: str, inside: list[Concealed], answer: Answer) -> bool:
     return any(name in group and any(c.id in group for c in inside) for group in answer.indistinguishable)
 
 
+def _together(either: Either) -> str:
+    return " or ".join(sorted(either.ids))
+
+
+def _among(either: Either, inside: list[Concealed]) -> bool:
+    return any(either.ids & {c.id, *c.equivalents} for c in inside)
+
+
 def _first(inside: list[Concealed], answer: Answer) -> str:
+    if not answer.mechanisms and answer.either:
+        return "composite" if _among(answer.either[0], inside) else "wrong"
     if not answer.mechanisms or not inside:
         return "none" if not answer.mechanisms else "wrong"
     name = answer.mechanisms[0].id
@@ -164,8 +177,7 @@ def _first(inside: list[Concealed], answer: Answer) -> str:
 
 
 def _inside_pair(name: str, answer: Answer) -> bool:
-    claimed = {m.id for m in answer.mechanisms}
-    return any(name in group and not group <= claimed for group in answer.indistinguishable)
+    return any(name in group for group in answer.indistinguishable)
 
 
 def _silent(name: str, inside: list[Concealed], answer: Answer) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,14 @@ def test_the_answer_is_judged(named: list[str], alike: list[list[str]], judgemen
     told = outcome(named, alike)
     assert told.judgement == judgement
     assert told.lines()[-1].endswith(judgement)
+
+
+def test_what_is_told_as_either_of_two_is_named_so() -> None:
+    told = outcome([], [["gamma-offset", "near-field"]])
+    either = {"ids": ["near-field", "gamma-offset"], "probability": 0.9, "statement": "So.", "parameters": {}}
+    with_it = replace(told, answer={**told.answer, "either": [either]})
+    assert with_it.judgement == "named as indistinguishable"
+    assert any("near-field or gamma-offset (90 %)" in line for line in with_it.lines())
 
 
 def test_truth_and_answer_stand_side_by_side(tmp_path: Path) -> None:

@@ -383,14 +383,15 @@ def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
     found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
     of_either = found.probability["dark-offset"]
     share_with_doubles(found)
-    (_, other), *_ = [(ids, p) for ids, p in found.alternatives if ids == ("stray-light",)]
+    shares = {ids[0]: p for ids, p in found.alternatives if len(ids) == 1}
     assert found.verdict == "explained"
-    assert found.probability["dark-offset"] == pytest.approx(of_either * expit(1.0))
-    assert found.probability["dark-offset"] + other == pytest.approx(of_either)
+    assert found.either == {"dark-offset": ("stray-light",)}
+    assert shares["dark-offset"] == pytest.approx(of_either * expit(1.0))
+    assert shares["dark-offset"] + shares["stray-light"] == pytest.approx(of_either)
     alone = _decided(arm, ("dark-offset", 200.0), ("stray-light", 90.0))
-    sure = dict(alone.probability)
     share_with_doubles(alone)
-    assert alone.probability == sure
+    assert alone.either == {}
+    assert "dark-offset" not in {name for ids, _ in alone.alternatives for name in ids}
 
 
 def test_of_one_instrument_three_names_are_too_many(picture: Scene) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from click.testing import CliRunner
 from labdaq.cli.blind_trial import command
 from labdaq.errors import DataError
 from simulators.trial import trial
-from simulators.trial.answer import Answer, Named, Place, read_answer
+from simulators.trial.answer import Answer, Either, Named, Place, read_answer
 from simulators.trial.made import Made, Order
 from simulators.trial.outcome import Outcome, inside_place, judge, read_records, withheld_errors
 from simulators.trial.report import as_json, confusion, story, table
@@ -85,6 +86,21 @@ def test_a_first_name_is_right_equivalent_composite_wrong_or_none() -> None:
     assert first(_truth("single", ROOM), _answer("explained", "saturation", "room-interreflection")) == "wrong"
     assert first(_truth("single", ROOM), _answer("unexplained")) == "none"
     assert first(_truth("null"), _answer("explained", "saturation")) == "wrong"
+
+
+def test_several_names_told_as_one_are_one_claim() -> None:
+    group = frozenset({"dark-offset", "stray-light"})
+    told = replace(_answer("explained", groups=({*group},)), either=(Either(group, 0.9),))
+    for cause in (DARK, _cause("stray-light")):
+        outcome = _judged(_truth("single", cause), told)
+        assert outcome.first == "composite"
+        assert outcome.claims == (("dark-offset or stray-light", 0.9, True),)
+        assert (outcome.inside_pair, outcome.extra) == (0, ())
+    wrong = _judged(_truth("single", ROOM), told)
+    assert wrong.first == "wrong" and wrong.extra == ("dark-offset or stray-light",)
+    assert _judged(_truth("null"), told).named
+    pair = _judged(_truth("pair", DARK, ROOM), replace(_answer("explained", ROOM.id), either=(Either(group, 0.9),)))
+    assert pair.both
 
 
 def test_names_are_counted_by_the_size_of_the_effect() -> None:
@@ -193,7 +209,7 @@ def test_claims_within_pairs_are_counted() -> None:
     group = ({"room-interreflection", "stray-light"},)
     inside = _judged(_truth("single", ROOM), _answer("explained", "room-interreflection", groups=group))
     both = _judged(_truth("single", ROOM), _answer("explained", "room-interreflection", "stray-light", groups=group))
-    assert (inside.inside_pair, both.inside_pair) == (1, 0)
+    assert (inside.inside_pair, both.inside_pair) == (1, 2)
     silent = _judged(_truth("single", DARK), _answer("explained", "dark-offset"))
     said = _judged(
         _truth("single", DARK), _answer("explained", "dark-offset", groups=({"dark-offset", "stray-light"},))
