@@ -11,6 +11,8 @@ from analysis.explain.thresholds import (
     DOUBLES,
     IMITATION,
     IMITATION_LENS,
+    LIKELIER,
+    SLOW_OR_LATE,
     SURE,
     SURE_BELOW,
     SURE_BESIDE,
@@ -19,6 +21,8 @@ from analysis.explain.thresholds import (
 )
 
 _TOLD = 4  # so many kinds of unnamed structure are told
+_SLOW = "sluggish response"
+"""The law that looks most like a clock's offset."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,25 @@ class Conclusion:
     @property
     def law_alone(self) -> float:
         """The same of a law outside the catalogue; minus infinity where there is none."""
-        return max((u.gain for u in self.instead if u.conjecture is not None), default=-np.inf)
+        return max((self._of_a_law(u) for u in self.instead if u.conjecture is not None), default=-np.inf)
+
+    def law_odds(self, gain: float, nats: float) -> float:
+        """Log odds of the best such law against a name that gains so much; so many nats count as one."""
+        laws = [u for u in self.instead if u.conjecture is not None]
+        return max(((self._of_a_law(u) - gain) / nats - self._likelier(u) for u in laws), default=-np.inf)
+
+    def _of_a_law(self, law: Unnamed) -> float:
+        """What a law gains; the scatter that tells a clock under broken cloud is there beside a slow meter, too."""
+        plain = [h.evidence for h in self.singles if h.ids == ("clock-offset",) and not h.wanders]
+        scattered = self.best.first == "clock-offset" and any(w.name == "clock-offset" for w, _, _ in self.best.wanders)
+        if law.along != _SLOW or not plain or not scattered:
+            return law.gain
+        with_it = max(h.evidence for h in self.singles if h.ids == ("clock-offset",))
+        return law.gain + with_it - plain[0]
+
+    def _likelier(self, law: Unnamed) -> float:
+        """How much less likely a law is than a name; a slow meter is hardly less likely than a clock that is off."""
+        return SLOW_OR_LATE if law.along == _SLOW and self.best.first == "clock-offset" else LIKELIER
 
     @property
     def unnamed_told(self) -> list[Unnamed]:

@@ -13,6 +13,8 @@ from analysis.explain.thresholds import (
     DOUBTFUL,
     EVEN,
     EVEN_GAIN,
+    EVEN_LEAST,
+    EVEN_LENS,
     EVEN_READINGS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
@@ -207,12 +209,13 @@ def _probabilities(found: Conclusion) -> None:
     rivals = _rivals(found, top, nats)
     even = EVEN_GAIN if found.best.first in _GAINS else EVEN
     even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
+    even *= float(np.clip(found.best.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
     nothing = ((even if found.one_instrument else 0.0) - top) / nats
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against
-        law = found.law_alone - (top if len(ids) == 1 else found.best.evidence - found.nothing.evidence)
-        nearest = max(*rivals.values(), law / nats - LIKELIER, nothing) + LIKELIER * (found.best.first in found.unseen)
+        law = found.law_odds(top if len(ids) == 1 else found.best.evidence - found.nothing.evidence, nats)
+        nearest = max(*rivals.values(), law, nothing) + LIKELIER * (found.best.first in found.unseen)
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
         if found.one_instrument and len(ids) > 2:

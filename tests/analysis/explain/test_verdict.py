@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from analysis.explain.conclude import _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
-from analysis.explain.families import SHUTTER
+from analysis.explain.families import SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.base import Branch, Term, terms_of
@@ -212,14 +212,21 @@ def test_the_same_lead_counts_more_where_no_lens_was_simulated(picture: Scene) -
     assert sure[0] < SURE < sure[1]
 
 
-@pytest.mark.parametrize(("readings", "little", "enough"), [(200, 7.5, 15.0), (1000, 35.0, 50.0), (1600, 50.0, 75.0)])
+@pytest.mark.parametrize(
+    ("readings", "lens", "little", "enough"),
+    [(200, 1.5, 7.5, 15.0), (1000, 1.5, 35.0, 50.0), (1600, 4.0, 50.0, 75.0), (1000, 0.3, 7.0, 14.0)],
+)
 def test_of_one_instrument_little_evidence_is_no_name(
-    picture: Scene, readings: int, little: float, enough: float
+    picture: Scene, readings: int, lens: float, little: float, enough: float
 ) -> None:
-    """Seven nats in 200 readings are what any fault outside the catalogue may give to some name; more in more."""
+    """Seven nats in 200 readings are what any fault outside the catalogue may give to some name; more in more.
+
+    But not where the prediction is right but for what is named.
+    """
     verdicts = {}
     for gain in (little, enough):
         only = _hypothesis(picture, gain, "vignetting")
+        only.fit.hyper = Hyper(1.0, 1.0, lens)
         found = Conclusion(only, _hypothesis(picture, 0.0), [only], one_instrument=True, nat=TEMPER_ONE)
         found.readings = readings
         decide(found, 1.0)
@@ -371,6 +378,24 @@ def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
     smooth = replace(found, unnamed=[Unnamed("gamma", 140.0, 0.1)])
     decide(smooth, 1.0)
     assert smooth.verdict == "unexplained"
+
+
+def test_a_slow_meter_is_as_likely_as_a_late_clock(roof: Scene) -> None:
+    """And the scatter under cloud that tells a clock is there beside a slow meter, too."""
+    (slow,) = [m for m in CONJECTURES if m.id == "sluggish response"]
+    law = Unnamed(slow.id, 505.0, 1.0, Term(slow, Branch(), slow.parameters))
+    plain = _hypothesis(roof, 507.0, "clock-offset")
+    scattered = replace(_hypothesis(roof, 950.0, "clock-offset"), wanders=((UNREST, 0.5, 1.0),))
+
+    def named(law: Unnamed) -> bool:
+        found = Conclusion(scattered, _hypothesis(roof, 0.0), [scattered, plain], one_instrument=True, nat=TEMPER_ONE)
+        found.instead = [law]
+        decide(found, 1.0)
+        return found.verdict == "explained"
+
+    assert not named(law)
+    assert named(replace(law, gain=440.0))
+    assert named(replace(law, along="warming meter")), "other laws have no such scatter"
 
 
 def test_a_double_is_no_rival(arm: Scene) -> None:
