@@ -50,7 +50,7 @@ def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
 def _answer_lines(answer: dict[str, Any]) -> list[str]:
     fit = answer["fit"]
     lines = [f"`labdaq explain` says **{answer['verdict']}**."]
-    for m in answer["mechanisms"]:
+    for m in [*answer["mechanisms"], *({**e, "id": " or ".join(e["ids"])} for e in answer["either"])]:
         values = ", ".join(
             f"{name} {p['value']:.3g} ± {p['uncertainty']:.2g} {'' if p['unit'] == '1' else p['unit']}".strip()
             for name, p in m["parameters"].items()

@@ -76,9 +76,9 @@ def answer_lines(answer: dict[str, Any]) -> list[str]:
 
 
 def name_lines(answer: dict[str, Any]) -> list[str]:
-    """One line for each named mechanism, with its parameters."""
+    """One line for each named mechanism, with its parameters, and for what is told as either of several."""
     lines = []
-    for m in answer["mechanisms"]:
+    for m in [*answer["mechanisms"], *({**e, "id": " or ".join(e["ids"])} for e in answer["either"])]:
         values = ", ".join(
             f"{name} = {p['value']:.4g} ± {p['uncertainty']:.2g}{'' if p['unit'] == '1' else ' ' + p['unit']}"
             for name, p in m["parameters"].items()

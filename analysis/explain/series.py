@@ -79,12 +79,12 @@ def _parabolas(t: Floats) -> Floats:
 def recorded(scene: Scene) -> bool:
     """Whether the predicted series are a second instrument's recording: a model of the sky has no noise of its own.
 
-    The quietest series tells, by what is left of it beside local parabolas (median); under broken cloud all day nothing
-    does.
+    The quietest series tells, by what is left of it beside local parabolas (median); under broken cloud all day, or
+    without times, nothing does.
     """
     r = scene.readings
     noises = []
-    for s in series_of(scene):
+    for s in series_of(scene) if r.has_times else []:
         if len(s.rows) >= _FEWEST:
             level = np.log(np.maximum(r.simulated[s.rows], r.floor[s.rows]))
             noises.append(1.48 * float(np.median(np.abs(level - _parabolas(s.t) @ level))))
