@@ -39,6 +39,7 @@ from analysis.explain.thresholds import (
     TEMPER_RANDOM,
     UNNAMED,
     UNNAMED_ALONE,
+    UNNAMED_ALONE_ONE,
 )
 
 _GAINS = frozenset({"meter-gain", "channel-gain"})
@@ -53,7 +54,8 @@ def decide(found: Conclusion, few: float) -> None:
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     if not found.best.ids:
         off = found.one_instrument and abs(found.level) > LEVEL_ALONE
-        found.verdict = "unexplained" if left > few * UNNAMED_ALONE or rough or off else "no-mismatch"
+        least = UNNAMED_ALONE_ONE if found.one_instrument else UNNAMED_ALONE
+        found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
         wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
         wrong = wrong or (gain < STRONG and _another_lens(found))

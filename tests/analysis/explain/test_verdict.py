@@ -380,6 +380,18 @@ def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
     assert smooth.verdict == "unexplained"
 
 
+def test_structure_that_nobody_names_counts_more_of_one_instrument(picture: Scene) -> None:
+    """Its forms are formulas; below a skylight a simulated lens leaves as much."""
+    verdicts = {}
+    for one_instrument in (True, False):
+        nothing = _hypothesis(picture, 0.0)
+        found = Conclusion(nothing, nothing, [], one_instrument=one_instrument)
+        found.unnamed = [Unnamed("direction in the picture", 20.0, 0.03)]
+        decide(found, 1.0)
+        verdicts[one_instrument] = found.verdict
+    assert verdicts == {True: "unexplained", False: "no-mismatch"}
+
+
 def test_a_slow_meter_is_as_likely_as_a_late_clock(roof: Scene) -> None:
     """And the scatter under cloud that tells a clock is there beside a slow meter, too."""
     (slow,) = [m for m in CONJECTURES if m.id == "sluggish response"]
