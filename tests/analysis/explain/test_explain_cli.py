@@ -50,6 +50,7 @@ SHAPES: dict[str, Any] = {
         "size_percent": float, "p_value": float, "statement": str,
     }],
     "mechanisms": [{"id": str, "probability": float, "parameters": dict, "statement": str}],
+    "either": [{"ids": [str], "probability": float, "parameters": dict, "statement": str}],
     "alternatives": [{"ids": [str], "probability": float}],
     "indistinguishable": [[str]],
     "not_tried": [{"id": str, "because": str}],
@@ -86,13 +87,14 @@ def test_the_answer_keeps_the_contract(content: dict[str, Any]) -> None:
     _conforms(content, SHAPES, "explanation")
     assert content["format"] == "labdaq-explanation/1"
     assert content["verdict"] == "explained"
-    for name in ("mismatch", "mechanisms", "alternatives", "indistinguishable", "not_tried"):
+    for name in ("mismatch", "either", "alternatives", "indistinguishable", "not_tried"):
         assert content[name], f"{name} is empty in a case where it should not be"
     assert content["fit"]["records"] == 6 * 160 - 1
-    for m in content["mechanisms"]:
+    for m in [*content["mechanisms"], *content["either"]]:
         assert 0.0 <= m["probability"] <= 1.0
         for p in m["parameters"].values():
-            _conforms(p, {"value": float, "uncertainty": float, "unit": str}, m["id"])
+            _conforms(p, {"value": float, "uncertainty": float, "unit": str}, str(m))
+    assert content["mechanisms"] == [], "an offset in the dark is also a constant stray light: neither is claimed"
     assert sum(a["probability"] for a in content["alternatives"]) <= 1.0
     for m in content["mismatch"]:
         assert 0.0 <= m["p_value"] <= 0.01
