@@ -58,7 +58,7 @@ def test_predictions_elsewhere_gain_by_it(tmp_path: Path) -> None:
         return np.asarray(effects.offset(40.0)(rows) * np.exp(_lens(rows)))
 
     content = answer(explain(make_case(tmp_path / "case", truth)))
-    assert [m["id"] for m in content["mechanisms"]] in (["dark-offset"], ["stray-light"])
+    assert [set(m["ids"]) for m in content["either"]] == [{"dark-offset", "stray-light"}]
     held = content["fit"]["held_out"]
     assert held["after_with_shared_error"]["rms_percent"] < held["after"]["rms_percent"]
     (tmp_path / "answer").mkdir()
