@@ -229,7 +229,7 @@ def _probabilities(found: Conclusion) -> None:
         near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < found.sure]
         first = found.best.first
         alike = (*_doubles_here(found, first, alone), *near)
-        found.indistinguishable += [(first, other) for other in alike if other in alone]
+        found.indistinguishable += [(first, other) for other in alike if other in alone and other not in ids]
         found.indistinguishable += found.best.tied
 
 

@@ -416,6 +416,15 @@ def test_a_double_is_no_rival(arm: Scene) -> None:
     assert found.indistinguishable == [("dark-offset", "stray-light")]
 
 
+def test_doubles_that_act_together_are_two_names(arm: Scene) -> None:
+    """Light from one side beside an offset in the dark: the readings told them apart."""
+    both = _hypothesis(arm, 300.0, "dark-offset", "stray-light")
+    singles = [_hypothesis(arm, 200.0, "dark-offset"), _hypothesis(arm, 199.0, "stray-light")]
+    found = Conclusion(both, _hypothesis(arm, 0.0), singles)
+    decide(found, 1.0)
+    assert found.indistinguishable == [] and found.either == {}
+
+
 def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
     found = _decided(arm, ("dark-offset", 200.0), ("stray-light", 199.0))
     of_either = found.probability["dark-offset"]
