@@ -48,16 +48,21 @@ def air_error_effects(scene: Scene) -> Floats:
     apart = np.isfinite(r.sun) & np.isfinite(r.sky)
     beam = np.where(apart, r.sun, r.simulated) / total
     lost = beam * air_mass(np.maximum(np.nan_to_num(r.sun_altitude_at_deg, nan=90.0), 3.0))
-    share = OF_A_RECORDING if recorded(scene) else 1.0
+    share = float(scene.remember(_share))
     parts = [share * USUAL * beam, share * OF_THE_AIR * lost]
     if np.any(apart):
         parts.append(share * USUAL * np.where(apart, r.sky, 0.0) / total)
-    if share < 1.0:
+    if share < 1.0:  # the instrument's own
         parts.append(np.where(scene.is_roof, OF_AN_INSTRUMENT * r.simulated / total, 0.0))
     columns = [np.where(day == k, part, 0.0) for part in parts for k in days]
     columns.append(share * OF_THE_AIR * np.where(scene.is_roof, lost - lost[scene.is_roof].mean(), 0.0))
     by_day = np.stack(columns, axis=1) * (np.abs(r.measured) / r.scale)[:, None]
     return np.concatenate([by_day, _AS_THE_DAYS * errors_of_all_days(scene)], axis=1)
+
+
+def _share(scene: Scene) -> Floats:
+    """Share () of a model's errors that the prediction for the roof has."""
+    return np.asarray(OF_A_RECORDING if recorded(scene) else 1.0)
 
 
 def errors_of_all_days(scene: Scene) -> Floats:
@@ -68,7 +73,7 @@ def errors_of_all_days(scene: Scene) -> Floats:
     nothing was left out: a nonlinearity for a hundred nats.)
     """
     r = scene.readings
-    share = OF_A_RECORDING if np.any(scene.is_roof) and recorded(scene) else 1.0
+    share = float(scene.remember(_share))
     columns: list[Floats] = []
     for channel in np.unique(r.channel[scene.is_roof]):
         mine = np.flatnonzero(scene.is_roof & (r.channel == channel))

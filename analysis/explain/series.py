@@ -77,7 +77,7 @@ def _parabolas(t: Floats) -> Floats:
 
 
 def recorded(scene: Scene) -> bool:
-    """Whether the predicted series are a second instrument's recording: a model of the sky has no noise of its own.
+    """Whether what is predicted for the roof is a second instrument's recording: a model of the sky has no noise.
 
     The quietest series tells, by what is left of it beside local parabolas (median); under broken cloud all day, or
     without times, nothing does.
@@ -85,7 +85,7 @@ def recorded(scene: Scene) -> bool:
     r = scene.readings
     noises = []
     for s in series_of(scene) if r.has_times else []:
-        if len(s.rows) >= _FEWEST:
+        if len(s.rows) >= _FEWEST and scene.is_roof[s.rows[0]]:
             level = np.log(np.maximum(r.simulated[s.rows], r.floor[s.rows]))
             noises.append(1.48 * float(np.median(np.abs(level - _parabolas(s.t) @ level))))
     return bool(noises) and _RECORDED[0] < min(noises) < _RECORDED[1]
