@@ -4,6 +4,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from analysis.explain.answer import found_in
+
 SHOWN: Final = (9, 18, 16, 24)
 """Figure 90's test; the low sun of the box and of the tube; and the one of which the report suspects the limit."""
 
@@ -50,7 +52,7 @@ def _ring_table(shares_: dict[str, list[float]]) -> list[str]:
 def _answer_lines(answer: dict[str, Any]) -> list[str]:
     fit = answer["fit"]
     lines = [f"`labdaq explain` says **{answer['verdict']}**."]
-    for m in [*answer["mechanisms"], *({**e, "id": " or ".join(e["ids"])} for e in answer["either"])]:
+    for m in found_in(answer):
         values = ", ".join(
             f"{name} {p['value']:.3g} ± {p['uncertainty']:.2g} {'' if p['unit'] == '1' else p['unit']}".strip()
             for name, p in m["parameters"].items()

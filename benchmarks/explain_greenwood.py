@@ -19,6 +19,8 @@ import numpy as np
 from explain_tilt import tilt_lines
 from numpy.typing import NDArray
 
+from analysis.explain.answer import found_in
+
 Floats = NDArray[np.float64]
 HOME: Final = Path(__file__).resolve().parent.parent
 ROOF_TABLES: Final = (
@@ -78,7 +80,7 @@ def answer_lines(answer: dict[str, Any]) -> list[str]:
 def name_lines(answer: dict[str, Any]) -> list[str]:
     """One line for each named mechanism, with its parameters, and for what is told as either of several."""
     lines = []
-    for m in [*answer["mechanisms"], *({**e, "id": " or ".join(e["ids"])} for e in answer["either"])]:
+    for m in found_in(answer):
         values = ", ".join(
             f"{name} = {p['value']:.4g} ± {p['uncertainty']:.2g}{'' if p['unit'] == '1' else ' ' + p['unit']}"
             for name, p in m["parameters"].items()

@@ -68,6 +68,11 @@ def either(e: Explanation) -> list[dict[str, Any]]:
     return [{**ids, **{key: value for key, value in row.items() if key != "id"}} for ids, row in rows]
 
 
+def found_in(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """What an answer tells as found: its mechanisms, and what is either of several under all its names."""
+    return [*content["mechanisms"], *({**m, "id": "either " + " or ".join(m["ids"])} for m in content["either"])]
+
+
 def _of_the_best(e: Explanation) -> list[dict[str, Any]]:
     """What is found, surest first; nothing where the verdict names nothing."""
     found = e.conclusion

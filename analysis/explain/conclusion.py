@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from analysis.explain.families import UNREST
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
@@ -21,8 +23,6 @@ from analysis.explain.thresholds import (
 )
 
 _TOLD = 4  # so many kinds of unnamed structure are told
-_SLOW = "sluggish response"
-"""The law that looks most like a clock's offset."""
 
 
 @dataclass(frozen=True)
@@ -154,16 +154,16 @@ class Conclusion:
 
     def _of_a_law(self, law: Unnamed) -> float:
         """What a law gains; the scatter that tells a clock under broken cloud is there beside a slow meter, too."""
-        plain = [h.evidence for h in self.singles if h.ids == ("clock-offset",) and not h.wanders]
-        scattered = self.best.first == "clock-offset" and any(w.name == "clock-offset" for w, _, _ in self.best.wanders)
-        if law.along != _SLOW or not plain or not scattered:
+        clocks = [h for h in self.singles if h.ids == (UNREST.name,)]
+        plain = [h.evidence for h in clocks if not h.wanders]
+        scattered = self.best.first == UNREST.name and any(w is UNREST for w, _, _ in self.best.wanders)
+        if law.along != Sluggish.id or not plain or not scattered:
             return law.gain
-        with_it = max(h.evidence for h in self.singles if h.ids == ("clock-offset",))
-        return law.gain + with_it - plain[0]
+        return law.gain + max(h.evidence for h in clocks) - plain[0]
 
     def _likelier(self, law: Unnamed) -> float:
         """How much less likely a law is than a name; a slow meter is hardly less likely than a clock that is off."""
-        return SLOW_OR_LATE if law.along == _SLOW and self.best.first == "clock-offset" else LIKELIER
+        return SLOW_OR_LATE if law.along == Sluggish.id and self.best.first == UNREST.name else LIKELIER
 
     @property
     def unnamed_told(self) -> list[Unnamed]:

@@ -3,6 +3,7 @@
 from html import escape
 from typing import Any
 
+from analysis.explain.answer import found_in
 from analysis.explain.mismatch import Explanation
 
 _VERDICT = {
@@ -95,17 +96,16 @@ def _noted(places: list[dict[str, Any]]) -> str:
 
 
 def _mechanisms(content: dict[str, Any]) -> str:
-    if not content["mechanisms"] and not content["either"]:
+    if not (found := found_in(content)):
         return "<p>Nothing is named.</p>"
     rows = []
-    for m in [*content["mechanisms"], *content["either"]]:
-        name = m["id"] if "id" in m else f"either {' or '.join(m['ids'])}"
+    for m in found:
         numbers = "<br>".join(
             f"{escape(name)} = {p['value']:.4g} ± {p['uncertainty']:.2g} {escape(str(p['unit']))}"
             for name, p in m["parameters"].items()
         )
         rows.append(
-            f"<tr><td><b>{escape(name)}</b></td><td class=n>{m['probability']:.0%}</td>"
+            f"<tr><td><b>{escape(m['id'])}</b></td><td class=n>{m['probability']:.0%}</td>"
             f"<td>{escape(m['statement'])}</td><td>{numbers}</td></tr>"
         )
     head = "<tr><th>mechanism</th><th>probability</th><th>what it means</th><th>parameters</th></tr>"

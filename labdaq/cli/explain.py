@@ -22,7 +22,7 @@ def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:
     Writes explanation.json, predictions.csv, report.html and the plots to --out.
     """
     from analysis.cases import read_case
-    from analysis.explain.answer import answer, predictions_csv, write_json
+    from analysis.explain.answer import answer, found_in, predictions_csv, write_json
     from analysis.explain.mismatch import explain
     from analysis.explain.plots import plots
     from analysis.explain.report import report
@@ -47,7 +47,5 @@ def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:
         click.echo(json.dumps(content, ensure_ascii=False))
         return
     click.echo(f"verdict: {content['verdict']}")
-    for m in content["mechanisms"]:
+    for m in found_in(content):
         click.echo(f"  {m['id']} ({m['probability']:.0%}): {m['statement']}")
-    for m in content["either"]:
-        click.echo(f"  either {' or '.join(m['ids'])} ({m['probability']:.0%}): {m['statement']}")
