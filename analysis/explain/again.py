@@ -21,6 +21,7 @@ from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES
 from analysis.simulate.room import Room
+from analysis.simulate.system import System
 from analysis.simulate.variants import Parts, variants
 from labdaq.errors import ConfigError
 
@@ -127,11 +128,13 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
             return None
         minutes = mine.pop("minutes", 0.0)
 
-        def run(late: float, change: dict[str, float], system: str = name, these: list[int] = tests) -> Parts:
+        def run(
+            late: float, change: dict[str, float], system: System = systems[name].system, these: list[int] = tests
+        ) -> Parts:
             made = variants(
-                systems[system],
+                system,
                 [daylight_of(case, k, late) for k in these],
-                [Change("", on_top(systems[system], change))],
+                [Change("", on_top(system, change))],
                 distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
                 rays=RAYS,
                 sun_samples=SUN_SAMPLES,
@@ -146,7 +149,9 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
             old, new = run(0.0, {}), run(minutes, mine)
         except ConfigError:
             return None  # the fit went where no skylight can
-        sun[tests], sky[tests] = ratio(new.sun, old.sun)[:, :-1], ratio(new.sky, old.sky)[:, :-1]
+        as_seen = systems[name].spread
+        sun[tests] = ratio(as_seen(new.sun[:, :-1]), as_seen(old.sun[:, :-1]))
+        sky[tests] = ratio(as_seen(new.sky[:, :-1]), as_seen(old.sky[:, :-1]))
     return sun, sky
 
 

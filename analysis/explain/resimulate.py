@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.fields import fields_of
-from analysis.explain.likeness import Predicted, likened
+from analysis.explain.fields import GAMMA_DEG, fields_of
+from analysis.explain.likeness import Likened, Predicted, likened
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
@@ -50,7 +50,7 @@ class Retracings:
     aureoles: list[Floats]
     near: Field | None
     sky_part: Floats | None
-    systems: Mapping[str, System]
+    systems: Mapping[str, Likened]
 
 
 class OwnSimulation:
@@ -67,7 +67,9 @@ class OwnSimulation:
     @cached_property
     def made(self) -> Retracings:
         """All of it, traced in one go."""
-        traced = Tracing(self.case, _likened(self.case, self.systems), self.only)
+        alike = _likened(self.case, self.systems)
+        systems = {name: like.system for name, like in alike.items()}
+        traced = Tracing(self.case, systems, self.only, {name: like.spread_deg for name, like in alike.items()})
         readings = Readings.of(self.case, measured_only=False)
         split = self.only is None or not readings.has_parts
         return Retracings(
@@ -75,7 +77,7 @@ class OwnSimulation:
             traced.aureoles() if self._wants("circumsolar-aureole") else [],
             traced.near_over_far() if self._wants("near-field") else None,
             traced.sky_part(fields_of(readings).total) if split else None,
-            traced.systems,
+            alike,
         )
 
     def _wants(self, mechanism: str) -> bool:
@@ -102,22 +104,25 @@ class OwnSimulation:
         """See `analysis.explain.retrace.Simulator.sky_part`."""
         return self.made.sky_part
 
-    def traced_systems(self) -> Mapping[str, System]:
+    def traced_systems(self) -> Mapping[str, Likened]:
         """See `analysis.explain.retrace.Simulator.traced_systems`."""
         return self.made.systems
 
 
-def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, System]:
-    """The systems with lenses like the prediction's; where it gives only the sum, the sky's part is taken off first."""
+def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, Likened]:
+    """The systems with lenses like the prediction's; where that gives only the sum, ours is one with our sky's part."""
     if case.setup.goniometer is None:
-        return dict(systems)
+        return {name: Likened(system) for name, system in systems.items()}
     readings = Readings.of(case, measured_only=False)
     given, tracing = fields_of(readings), Tracing(case, systems)
-    seen = given.sun if readings.has_parts else np.maximum(given.total - tracing.sky_part(given.total, FEW_RAYS), 0.0)
+    sky = np.zeros_like(given.sky) if readings.has_parts else np.nan_to_num(tracing.sky_part(given.total, FEW_RAYS))
+    seen = given.sun if readings.has_parts else given.total
     field: TallyField = "near" if case.setup.simulation.field == "near" else "far"
     distance_m = case.setup.goniometer.distance_m
-    predicted = {
-        name: Predicted([day for _, day in days], seen[[k for k, _ in days]], distance_m, field)
-        for name, days in tracing.days.items()
-    }
+    whole = all(t.simulated is not None for t in case.tests)
+    to_deg = 90.0 if whole else float(np.nanmax(readings.gamma_deg)) + GAMMA_DEG[1]
+    predicted = {}
+    for name, tests in tracing.days.items():
+        rows, days = [k for k, _ in tests], [day for _, day in tests]
+        predicted[name] = Predicted(days, seen[rows], sky[rows], distance_m, field, to_deg)
     return likened(systems, predicted)

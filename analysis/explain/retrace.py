@@ -9,9 +9,9 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats, Variant
 from analysis.explain.fields import Fields, fields_of, from_files
+from analysis.explain.likeness import Likened
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
-from analysis.simulate.system import System
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
@@ -72,7 +72,7 @@ class Simulator(Protocol):
         """The predicted sky part (T, P, G) [cd], where only the sum is given; NaN in tests that it cannot trace."""
         ...
 
-    def traced_systems(self) -> Mapping[str, System]:
+    def traced_systems(self) -> Mapping[str, Likened]:
         """The systems that are traced, by id: as described, with lenses like the prediction's."""
         ...
 

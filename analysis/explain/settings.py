@@ -31,7 +31,6 @@ from analysis.explain.tracing import (
     later,
     over,
     ratio,
-    wide,
 )
 
 X = TypeVar("X")
@@ -187,7 +186,7 @@ def _limits(traced: Tracing) -> Iterator[Path]:
     by_bounce = {name: traced.by_bounce(run, boot=True) for name, run in traced.precise.items()}
     whole = traced.laid({name: _first(None, parts) for name, parts in by_bounce.items()})
     cuts = {float(n): traced.laid({name: _first(n + 1, parts) for name, parts in by_bounce.items()}) for n in LIMITS}
-    lacking = {at: (whole[0] - sun, whole[1] - sky) for at, (sun, sky) in cuts.items()}
+    lacking = {at: traced.wide((whole[0] - sun, whole[1] - sky), 0.0) for at, (sun, sky) in cuts.items()}
     none, one = np.zeros_like(whole[0]), np.ones_like(whole[0])
     what = "reflections on the wall after which the simulation stopped"
     limit_of = Parameter("max_bounces", "1", what, 1.0, UNLIMITED, 12.0, (2.0, 4.0, 7.0, 14.0), centre=UNLIMITED)
@@ -196,13 +195,13 @@ def _limits(traced: Tracing) -> Iterator[Path]:
         limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
     yield Path("own re-simulation", limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
     for width, note in EVENED_DEG.items():
-        over_cut = _each(partial(_over, wide(whole, width), width), cuts.values())
+        over_cut = _each(partial(_over, traced, width, traced.wide(whole, width)), cuts.values())
         ratios = dict(zip(cuts, over_cut, strict=True)) | {UNLIMITED: (one, one)}
         yield Path(f"ratio to what was left{note}", limit_of, *_stacked(ratios))
 
 
-def _over(most: Field, width_deg: float, cut: Field) -> Field:
-    return over(most, wide(cut, width_deg))
+def _over(traced: Tracing, width_deg: float, most: Field, cut: Field) -> Field:
+    return over(most, traced.wide(cut, width_deg))
 
 
 def _first(count: int | None, by_bounce: Field) -> Field:
@@ -231,13 +230,14 @@ def _reflectances(traced: Tracing) -> Iterator[Path]:
         starts = tuple(r for r in (assumed - 0.1, assumed - 0.03, assumed + 0.02) if tried[0] < r < tried[-1])
         what = f"reflectance of the well of {name}"
         wall = Parameter("wall_reflectance", "1", what, tried[0], tried[-1], 0.05, starts, centre=assumed)
-        yield from _among(name, wall, {r: lit(walls | {name: r}) for r in tried})
+        yield from _among(traced, name, wall, {r: lit(walls | {name: r}) for r in tried})
     if len(walls) > 1:
         least, most = LEAST - min(walls.values()), MOST - max(walls.values())
         tried = sorted({d for d in (*REFLECTANCES, least, most, 0.0) if least <= d <= most and abs(d) <= 0.3})
         starts = tuple(d for d in (-0.1, -0.03, 0.02) if tried[0] < d < tried[-1])
         change = Parameter("change", "1", "change of the reflectance of all wells", tried[0], tried[-1], 0.05, starts)
-        yield from _among("all systems alike", change, {d: lit({n: r + d for n, r in walls.items()}) for d in tried})
+        alike = {d: lit({n: r + d for n, r in walls.items()}) for d in tried}
+        yield from _among(traced, "all systems alike", change, alike)
 
 
 def _weighed(factor: float, by_bounce: Field) -> Field:
@@ -246,10 +246,10 @@ def _weighed(factor: float, by_bounce: Field) -> Field:
     return sun, sky
 
 
-def _among(label: str, parameter: Parameter, lit: dict[float, Field]) -> Iterator[Path]:
+def _among(traced: Tracing, label: str, parameter: Parameter, lit: dict[float, Field]) -> Iterator[Path]:
     """The path through fields of one run, as ratios to the one at the parameter's centre."""
     for width, note in EVENED_DEG.items():
-        blurred = dict(zip(lit, _each(partial(wide, width_deg=width), lit.values()), strict=True))
+        blurred = dict(zip(lit, _each(partial(traced.wide, width_deg=width), lit.values()), strict=True))
         over_base = {at: over(field, blurred[parameter.centre]) for at, field in blurred.items()}
         yield Path(label + note, parameter, *_stacked(over_base), geometric=True)
 

@@ -88,9 +88,16 @@ SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
 class Tracing:
     """The light of all tests and settings of a case (of those for some mechanisms ``only``), traced when asked for."""
 
-    def __init__(self, case: Case, systems: Mapping[str, System], only: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        systems: Mapping[str, System],
+        only: Collection[str] | None = None,
+        spread_deg: Mapping[str, float] | None = None,
+    ) -> None:
         self.case = case
         self.systems = systems
+        self.spread_deg = spread_deg or {}
         self._names = {s for m in (SETTINGS_OF if only is None else only) for s in SETTINGS_OF.get(m, ())}
         self._blurred: dict[float, Field] = {}
 
@@ -185,10 +192,18 @@ class Tracing:
         return self.spread(made)
 
     def over_base(self, lit: Field, width_deg: float) -> Field:
-        """Ratio of both parts to those of the systems as described, both blurred by a Gaussian of ``width_deg``."""
+        """Ratio of both parts to those of the systems as described, both blurred as by `wide`."""
         if width_deg not in self._blurred:
-            self._blurred[width_deg] = wide(self.base, width_deg)
-        return over(wide(lit, width_deg), self._blurred[width_deg])
+            self._blurred[width_deg] = self.wide(self.base, width_deg)
+        return over(self.wide(lit, width_deg), self._blurred[width_deg])
+
+    def wide(self, parts: Field, width_deg: float) -> Field:
+        """Both parts (T, P, G) blurred by a Gaussian of ``width_deg``, beside what each system's lens spreads."""
+        sun, sky = np.zeros_like(parts[0]), np.zeros_like(parts[1])
+        for name, days in self.days.items():
+            rows, width = [k for k, _ in days], float(np.hypot(width_deg, self.spread_deg.get(name, 0.0)))
+            sun[rows], sky[rows] = (blurred(part[rows], width) if width else part[rows] for part in parts)
+        return sun, sky
 
     # what is made of it
 
@@ -199,8 +214,8 @@ class Tracing:
 
     def near_over_far(self) -> Field:
         """See `Retracings`."""
-        far = self.spread({name: run.baseline.far for name, run in self.precise.items()})
-        near = self.spread({name: run.baseline.near for name, run in self.precise.items()})
+        far = self.wide(self.spread({name: run.baseline.far for name, run in self.precise.items()}), 0.0)
+        near = self.wide(self.spread({name: run.baseline.near for name, run in self.precise.items()}), 0.0)
         # drawn towards 1: images blur where they are, and the rest stays
         sun, sky = (_drawn(n, f, _DARK * np.maximum(_brightest(f), 1e-12)) for n, f in zip(near, far, strict=True))
         return np.clip(sun, *_AT_MOST), np.clip(sky, *_AT_MOST)
@@ -213,18 +228,13 @@ class Tracing:
         Traced with so many rays for each sun, if told; else with those that `precise` has.
         """
         runs = self.precise if rays is None else {n: self.plain(n, rays) for n in self.days}
-        sun, sky = self.spread({n: self.as_predicted(run.baseline) for n, run in runs.items()})
+        sun, sky = self.wide(self.spread({n: self.as_predicted(run.baseline) for n, run in runs.items()}), 0.0)
         made = np.full_like(sky, np.nan)
         for days in self.days.values():
             rows = [k for k, _ in days]
             flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
             made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
         return made
-
-
-def wide(parts: Field, width_deg: float) -> Field:
-    """Both parts blurred by a Gaussian of ``width_deg``."""
-    return blurred(parts[0], width_deg), blurred(parts[1], width_deg)
 
 
 def over(new: Field, old: Field) -> Field:

@@ -6,7 +6,8 @@ import pytest
 from analysis.cases.model import Floats
 from analysis.explain import likeness
 from analysis.explain.fields import C_DEG, GAMMA_DEG
-from analysis.explain.likeness import Predicted, likened
+from analysis.explain.geometry import blurred
+from analysis.explain.likeness import Likened, Predicted, likened
 from analysis.explain.tracing import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
@@ -36,9 +37,14 @@ def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Flo
     return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None]).candela
 
 
+def likeness_of(system: System, seen: Floats, days: list[Daylight] = DAYS) -> Likened:
+    """One system as a prediction shows it."""
+    return likened({"it": system}, {"it": Predicted(days, seen, np.zeros_like(seen), DISTANCE_M, "far")})["it"]
+
+
 def like(system: System, seen: Floats, days: list[Daylight] = DAYS) -> System:
     """One system, likened."""
-    return likened({"it": system}, {"it": Predicted(days, seen, DISTANCE_M, "far")})["it"]
+    return likeness_of(system, seen, days).system
 
 
 @pytest.mark.parametrize("kind", ["top", "box"])
@@ -135,10 +141,65 @@ def test_the_prisms_of_another_engine_are_found() -> None:
     steep = Lens(slopes_deg=(33.0,) * 4)
     found = like(SYSTEMS["box"], predicted_by_another(hidden.box(entry=steep, exit=steep)))
     assert (found.entry.prisms, found.exit.prisms) == ("down", "up")
-    assert found.entry.slope_deg == 31.5 and not found.entry.isotropic
+    assert found.entry.slope_deg == 33.75 and not found.entry.isotropic
 
 
 def test_a_pattern_turned_in_another_engine_is_turned() -> None:
     found = like(SYSTEMS["tube"], predicted_by_another(hidden.tube().turned(30.0)))
     assert found.exit.prisms == "up"
     assert found.exit.orientation_deg == pytest.approx(30.0, abs=7.6)
+
+
+def rough(system: System, spread_deg: float) -> Floats:
+    """Somebody's sun part below lenses that spread what leaves them."""
+    return blurred(predicted(system), spread_deg)
+
+
+STEEP = SYSTEMS["tube"].with_settings({"exit.slope_deg": 33.75})
+
+
+def test_what_a_lens_spreads_as_light_leaves_is_no_moulding() -> None:
+    found = likeness_of(SYSTEMS["tube"], rough(STEEP, 9.0))
+    assert found.spread_deg in (6.5, 9.0, 12.0) and found.system.exit.blur_deg <= 7.0
+    sharp = likeness_of(SYSTEMS["tube"], predicted(STEEP))
+    assert sharp.spread_deg <= 3.0
+
+
+def test_a_turn_of_a_rough_lens_is_told_by_its_spread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Facets that lean at random lose the pattern, and with it what a turn of it does."""
+
+    def turn(of: Likened) -> Floats:
+        turned = of.system.with_settings({"exit.orientation_deg": 25.0})
+        ratio = np.log((of.spread(predicted(turned)) + 30.0) / (of.spread(predicted(of.system)) + 30.0))[:, :, :30]
+        return np.asarray(ratio - ratio.mean(axis=(1, 2), keepdims=True))
+
+    seen, true = rough(STEEP, 9.0), turn(Likened(STEEP, 9.0))
+
+    def alike() -> float:
+        return float(np.corrcoef(turn(likeness_of(SYSTEMS["tube"], seen)).ravel(), true.ravel())[0, 1])
+
+    told = alike()
+    monkeypatch.setattr(likeness, "SPREADS_DEG", (0.0,))
+    assert told > 0.9 and told > alike() + 0.1
+
+
+def test_a_prediction_that_had_a_flat_cover_and_no_boot_is_recognised() -> None:
+    plain = SYSTEMS["tube"].with_settings({"rise_m": 0.0, "boot_height_m": 0.0})
+    found = like(SYSTEMS["tube"], predicted(plain))
+    assert (found.rise_m, found.boot_height_m) == (0.0, 0.0)
+
+
+def test_directions_that_no_prediction_is_known_for_do_not_count() -> None:
+    seen = predicted(STEEP)
+    beyond = GAMMA_DEG > 60.0
+    odd = np.where(beyond, seen.max(), seen)
+    given = Predicted(DAYS, odd, np.zeros_like(odd), DISTANCE_M, "far", to_deg=60.0)
+    found = likened({"it": SYSTEMS["tube"]}, {"it": given})["it"]
+    assert found.system.exit.slope_deg == pytest.approx(33.75, abs=2.3)
+
+
+def test_of_a_sum_the_suns_part_is_likened() -> None:
+    seen = predicted(STEEP)
+    sky = blurred(predicted(STEEP, seed=6), 30.0) * 0.7
+    found = likened({"it": SYSTEMS["tube"]}, {"it": Predicted(DAYS, seen + sky, sky, DISTANCE_M, "far")})["it"]
+    assert found.system.exit.slope_deg == pytest.approx(33.75, abs=2.3) and found.spread_deg <= 3.0

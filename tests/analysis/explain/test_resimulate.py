@@ -8,6 +8,7 @@ import pytest
 
 from analysis.explain import again, likeness, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
+from analysis.explain.geometry import blurred
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
@@ -134,8 +135,10 @@ def test_what_a_bounce_limit_cuts_grows_less_with_the_limit(made: Retracings) ->
 
 def test_a_limit_as_a_ratio_brings_back_as_much_as_it_cut(simulated: OwnSimulation, made: Retracings) -> None:
     lacking = _path(made, "bounce-truncation", "own re-simulation")
-    traced = Tracing(simulated.case, made.systems)
-    whole = traced.spread({n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()})[1]
+    systems = {n: like.system for n, like in made.systems.items()}
+    traced = Tracing(simulated.case, systems, spread_deg={n: like.spread_deg for n, like in made.systems.items()})
+    lit = {n: traced.as_predicted(run.baseline) for n, run in traced.precise.items()}
+    whole = traced.wide(traced.spread(lit), 0.0)[1]
     for label in ("ratio to what was left", f"ratio to what was left{EVENED}"):
         path = _path(made, "bounce-truncation", label)
         assert path.positions[-1] == UNLIMITED
@@ -223,6 +226,18 @@ def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
 
 
 # what mechanisms make of them
+
+
+def test_each_system_is_blurred_as_its_own_lens_spreads_light(simulated: OwnSimulation, scene: Scene) -> None:
+    traced = Tracing(simulated.case, simulated.systems, spread_deg={"box": 9.0})
+    sun, sky = traced.wide((scene.fields.sun, scene.fields.sky), 4.5)
+    for name, width in (("box", float(np.hypot(9.0, 4.5))), ("tube", 4.5)):
+        rows = [k for k, _ in traced.days[name]]
+        assert sun[rows] == pytest.approx(blurred(scene.fields.sun[rows], width))
+        assert sky[rows] == pytest.approx(blurred(scene.fields.sky[rows], width))
+    plain = traced.wide((scene.fields.sun, scene.fields.sky), 0.0)[0]
+    rows = [k for k, _ in traced.days["tube"]]
+    assert plain[rows] == pytest.approx(scene.fields.sun[rows])
 
 
 def test_images_spread_are_no_aureole_where_the_lens_can_be_traced_under_one(scene: Scene) -> None:
