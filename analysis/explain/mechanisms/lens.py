@@ -49,14 +49,21 @@ class LensHaze(Retraced):
         return ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Scatter at the entry, at the exit, or as re-simulated; in all systems, or in one of them."""
-        ways = {"entry lens": "entry"} if scene.knows_split else {}
-        ways |= {"exit lens": "exit", "exit lens, evenly to all sides": "even"}
+        """Scatter at the entry, at the exit, or as re-simulated; in all systems, or in one of them.
+
+        That what is scattered at the entry goes on as the sky's light does is a stopgap, for where it cannot be traced:
+        it stands for whatever widens an image. (On another author's cases an aureole, walls that scatter and a turned
+        lens gained 29 to 116 nats by it, and 8 to 27 by haze that was traced.)
+        """
+        ways = super().branches(scene)
+        closed = {"exit lens": "exit", "exit lens, evenly to all sides": "even"}
+        if scene.knows_split and not any(b.label.startswith("entry lens, traced") for b in ways):
+            closed = {"entry lens": "entry", **closed}
         names = list(systems_on_the_arm(scene).values())
         alone = names if len(names) > 1 else []
-        every = [Branch(label, where) for label, where in ways.items()]
-        one = [Branch(f"{label}, {n} only", f"{where}:{n}") for label, where in ways.items() for n in alone]
-        return (*every, *one, *super().branches(scene))
+        every = [Branch(label, where) for label, where in closed.items()]
+        one = [Branch(f"{label}, {n} only", f"{where}:{n}") for label, where in closed.items() for n in alone]
+        return (*every, *one, *ways)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Closed forms have the haze itself."""

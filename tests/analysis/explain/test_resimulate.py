@@ -240,6 +240,14 @@ def test_each_system_is_blurred_as_its_own_lens_spreads_light(simulated: OwnSimu
     assert plain[rows] == pytest.approx(scene.fields.sun[rows])
 
 
+def test_haze_on_the_cover_is_no_formula_where_it_can_be_traced(scene: Scene) -> None:
+    """Light that goes on like the sky's is also what an aureole makes, or a wall that scatters."""
+    (found,) = (m for m in CATALOGUE if m.id == "lens-haze")
+    labels = {b.label for b in found.branches(scene)}
+    assert "entry lens, traced" in labels and "entry lens" not in labels
+    assert "entry lens" in {b.label for b in found.branches(replace(scene, retraced=None))}
+
+
 def test_images_spread_are_no_aureole_where_the_lens_can_be_traced_under_one(scene: Scene) -> None:
     """They are also what a lens makes that scatters more than the one simulated."""
     (aureole,) = (m for m in CATALOGUE if m.id == "circumsolar-aureole")
