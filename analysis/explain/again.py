@@ -13,10 +13,11 @@ from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
+from analysis.explain.ratios import ratio
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top, ratio
+from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES

@@ -10,10 +10,11 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import GAMMA_DEG, fields_of
 from analysis.explain.likeness import Likened, Predicted, likened
+from analysis.explain.ratios import Field
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
-from analysis.explain.tracing import AUREOLES_DEG, Field, Tracing, systems_of
+from analysis.explain.tracing import AUREOLES_DEG, Tracing, systems_of
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field as TallyField
 

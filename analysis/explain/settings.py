@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
+from analysis.explain.ratios import Field, over, ratio
 from analysis.explain.retrace import Path
 from analysis.explain.tracing import (
     DEPTHS,
@@ -23,14 +24,11 @@ from analysis.explain.tracing import (
     IMAGE_DEG,
     SCATTERS_DEG,
     TURNS_DEG,
-    Field,
     Setting,
     Tracing,
     haze,
     knows_no_pattern,
     later,
-    over,
-    ratio,
 )
 
 X = TypeVar("X")

@@ -15,6 +15,7 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
+from analysis.explain.ratios import Field, blurred_ratio, over
 from analysis.explain.readings import sun_at
 from analysis.simulate.changes import Change, lenses_of
 from analysis.simulate.daylight import Daylight, daylight
@@ -24,7 +25,6 @@ from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
 
 Setting = tuple[tuple[str, float | str], ...]
-Field = tuple[Floats, Floats]
 
 TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
 DIFFUSE_SHARES: Final = (0.15,)
@@ -46,16 +46,8 @@ SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 SHARP_SIDE: Final = 96
 """Direction cells along the side of the tallies (1.5°): finer ones, beside what images are blurred by, cost time."""
-_DARK: Final = 0.01
-"""Share of the brightest direction below which a ratio is drawn towards the usual one."""
-_FEW: Final = 0.05
-"""The same share of a gamma's mean over C: there the rays are few."""
-_HARDLY_ANY: Final = 1e-4
-"""Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
 IMAGE_DEG: Final = 4.5
 """Images of the sun are blurred by this before they are compared with others: another lens has them elsewhere."""
-_AT_MOST: Final = (0.02, 50.0)
-"""Beyond these a ratio is noise of the rays, not physics."""
 
 
 def systems_of(case: Case) -> dict[str, System]:
@@ -216,9 +208,7 @@ class Tracing:
         """See `Retracings`."""
         far = self.wide(self.spread({name: run.baseline.far for name, run in self.precise.items()}), 0.0)
         near = self.wide(self.spread({name: run.baseline.near for name, run in self.precise.items()}), 0.0)
-        # drawn towards 1: images blur where they are, and the rest stays
-        sun, sky = (_drawn(n, f, _DARK * np.maximum(_brightest(f), 1e-12)) for n, f in zip(near, far, strict=True))
-        return np.clip(sun, *_AT_MOST), np.clip(sky, *_AT_MOST)
+        return blurred_ratio(near[0], far[0]), blurred_ratio(near[1], far[1])
 
     def sky_part(self, total: Floats, rays: int | None = None) -> Floats:
         """The sky's part of a prediction (T, P, G) [cd] that gives only the sum; NaN in tests that are not traced.
@@ -235,11 +225,6 @@ class Tracing:
             flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
             made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
         return made
-
-
-def over(new: Field, old: Field) -> Field:
-    """Ratio of both parts; see `ratio`."""
-    return ratio(new[0], old[0]), ratio(new[1], old[1])
 
 
 def haze(where: tuple[str, ...]) -> Setting:
@@ -309,26 +294,3 @@ def _sun(case: Case, k: int, minutes: float) -> tuple[float, float]:
         (h0, h1), (a0, a1) = sun_at(case, np.array([start_ns, start_ns + int(minutes * 60e9)]))
         altitude, azimuth = altitude + h1 - h0, azimuth + a1 - a0
     return min(max(altitude, 2.0), 90.0), azimuth % 360.0
-
-
-def ratio(new: Floats, old: Floats) -> Floats:
-    """Ratio of fields (T, P, G); where rays are few, drawn towards the ratio that is usual at its gamma.
-
-    Never towards 1: far from the sun's image all directions are dark beside it, and yet each of them changes. Nor
-    towards the ratio of means over C: an image that moves or blurs changes those, and not the other directions.
-    """
-    rings = old.mean(axis=-2, keepdims=True)
-    brightest = np.maximum(_brightest(old), 1e-12)
-    whole = _drawn(new.mean(axis=(-2, -1), keepdims=True), old.mean(axis=(-2, -1), keepdims=True), 1e-9 * brightest)
-    usual = np.median(_drawn(new, old, _FEW * rings + _HARDLY_ANY * brightest, whole), axis=-2, keepdims=True)
-    few = np.maximum(_FEW * rings, _DARK * brightest)
-    return np.asarray(np.clip(_drawn(new, old, few, usual), *_AT_MOST))
-
-
-def _brightest(field: Floats) -> Floats:
-    return np.asarray(field.max(axis=(-2, -1), keepdims=True))
-
-
-def _drawn(new: Floats, old: Floats, floor: Floats, towards: Floats | float = 1.0) -> Floats:
-    """``new / old``, drawn ``towards`` another ratio where ``old`` is not above ``floor``."""
-    return np.asarray((new + floor * towards) / (old + floor))

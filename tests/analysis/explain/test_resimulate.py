@@ -11,6 +11,7 @@ from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.ratios import ratio
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
@@ -211,7 +212,7 @@ def test_each_path_is_there_evened_out_too(made: Retracings) -> None:
 def test_where_it_is_dark_beside_a_peak_a_ratio_stays_what_it_is() -> None:
     old = np.full((1, 72, len(GAMMA_DEG)), 100.0) * np.cos(np.radians(GAMMA_DEG - 0.1))
     old[0, 10:12, 8:10] = 1e5  # a sharp image of the sun
-    assert tracing.ratio(0.8 * old, old) == pytest.approx(0.8, rel=1e-6)
+    assert ratio(0.8 * old, old) == pytest.approx(0.8, rel=1e-6)
 
 
 def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
@@ -219,10 +220,10 @@ def test_a_direction_without_rays_changes_as_its_gamma_does() -> None:
     new = old * np.linspace(1.0, 0.5, len(GAMMA_DEG))
     expected = new[0, 20] / old[0, 20]
     old[0, 3], new[0, 3] = 0.0, 0.5  # a few rays of one run alone
-    drawn = tracing.ratio(new, old)[0, 3, :]
+    drawn = ratio(new, old)[0, 3, :]
     assert np.all((drawn > expected) & (drawn < expected + 0.15)), "half a per cent of its gamma adds a tenth"
     old[0, 3], new[0, 3] = 0.0, 0.0
-    assert tracing.ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.04)
+    assert ratio(new, old)[0, 3, :] == pytest.approx(expected, rel=0.04)
 
 
 # what mechanisms make of them
