@@ -208,10 +208,15 @@ class _Look:
         if prisms not in self.known:
             light = self.light(self.with_lens(prisms))
             lobe = _flux(light) * np.cos(np.radians(GAMMA_DEG)) / np.pi
-            wide = {w: Likened(self.system, w).spread(light) for w in SPREADS_DEG}
-            looks = ((self.beside((1.0 - h) * made + h * lobe), w) for w, made in wide.items() for h in HAZES)
-            self.known[prisms] = min(looks)
+            looks = {w: self.hazed(Likened(self.system, w).spread(light), lobe) for w in SPREADS_DEG}
+            best = min(looks, key=looks.__getitem__)
+            spread = best if looks[best] < _GAIN * looks[0.0] else 0.0  # noise of few rays is spread, too
+            self.known[prisms] = looks[spread], spread
         return self.known[prisms]
+
+    def hazed(self, light: Floats, lobe: Floats) -> float:
+        """How unlike the prediction a light is with the haze of the last lens that fits best."""
+        return min(self.beside((1.0 - h) * light + h * lobe) for h in HAZES)
 
     def best(self, begun: list[Prisms]) -> Prisms:
         """The least unlike that is reached from the best beginning, in steps of slope, tilt and turn."""
