@@ -39,8 +39,8 @@ class LensHaze(Retraced):
     )
     needs = "sun and sky parts apart, with illuminances (light scattered at the entry enters like the sky's)"
     source = (
-        "entry: (1-h) S + h (B/D) K; exit: (1-h) I + h (flux) cos(gamma)/pi (a dull surface) "
-        "or (flux)/2pi (a turbid one); ASTM D1003 (haze)"
+        "re-simulation; entry, where it cannot be traced: (1-h) S + h (B/D) K; "
+        "exit: (1-h) I + h (flux) cos(gamma)/pi (a dull surface) or (flux)/2pi (a turbid one); ASTM D1003 (haze)"
     )
     tie_breaker = "the same scan with a cleaned or exchanged lens"
 
