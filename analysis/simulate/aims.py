@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.simulate.components import Lens
 from analysis.simulate.kernels import arrays as k
-from analysis.simulate.lens import Sampler
+from analysis.simulate.lens import Sampler, sheet_of
 from analysis.simulate.system import System
 from labdaq.directions import vector
 
@@ -81,18 +81,7 @@ def _blurred(lens: Lens) -> bool:
 
 
 def _sheet(lens: Lens) -> Floats:
-    if lens.kind != "prismatic":
-        return _NO_SHEET
-    from analysis.bsdf.prism import PrismSheet
-
-    return PrismSheet(
-        index=lens.refractive_index,
-        thickness_mm=lens.thickness_mm,
-        pitch_mm=lens.pitch_mm,
-        slope_deg=lens.slope_deg,
-        slope_error_deg=lens.blur_deg,
-        absorption_per_mm=lens.absorption_per_mm,
-    ).geometry()
+    return sheet_of(lens).geometry() if lens.kind == "prismatic" else _NO_SHEET
 
 
 NO_AIMS: Final = k.Aims(

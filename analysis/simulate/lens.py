@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 from analysis.simulate.components import Lens
 from analysis.simulate.store import code_digest, kept
 from labdaq.errors import DataError
+
+if TYPE_CHECKING:
+    from analysis.bsdf.prism import PrismSheet
 
 Floats = NDArray[np.float64]
 Table = NDArray[np.int16]
@@ -50,7 +53,9 @@ WEIGHT_UNITS: Final = 32000.0
 
 _MOST: Final = 32767
 
-_OPTICAL: Final = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm", "slope_deg", "blur_deg")
+OPTICAL: Final = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm", "slope_deg", "blur_deg")
+"""What a prismatic sheet does to light follows from these."""
+
 _VERSION: Final = 1
 
 
@@ -89,9 +94,16 @@ def traced_samples(
     lens: Lens, from_prisms: bool, directions: Floats, per_direction: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Trace the sheet's micro-geometry: outgoing directions (N, M, 3) and weights (N, M)."""
-    from analysis.bsdf.prism import PrismSheet, scatter_samples
+    from analysis.bsdf.prism import scatter_samples
 
-    sheet = PrismSheet(
+    return scatter_samples(sheet_of(lens), "prism" if from_prisms else "flat", directions, per_direction, rng)
+
+
+def sheet_of(lens: Lens) -> "PrismSheet":
+    """A prismatic lens as the sheet that is traced; orientation, mirroring, isotropy, haze and dirt come on top."""
+    from analysis.bsdf.prism import PrismSheet
+
+    return PrismSheet(
         index=lens.refractive_index,
         thickness_mm=lens.thickness_mm,
         pitch_mm=lens.pitch_mm,
@@ -99,7 +111,6 @@ def traced_samples(
         slope_error_deg=lens.blur_deg,
         absorption_per_mm=lens.absorption_per_mm,
     )
-    return scatter_samples(sheet, "prism" if from_prisms else "flat", directions, per_direction, rng)
 
 
 def tables(lens: Lens, samples: int = SAMPLES, half: int = HALF, sampler: Sampler | None = None) -> LensTables:
@@ -107,13 +118,13 @@ def tables(lens: Lens, samples: int = SAMPLES, half: int = HALF, sampler: Sample
 
     Only the sheet's optics count: orientation, mirroring, isotropy, haze and soiling belong to the tracer.
     """
-    optics = dataclasses.replace(Lens(), **{name: getattr(lens, name) for name in _OPTICAL})
+    optics = dataclasses.replace(Lens(), **{name: getattr(lens, name) for name in OPTICAL})
     return _tables(optics, samples, half, sampler or traced_samples)
 
 
 @functools.lru_cache(maxsize=16)
 def _tables(lens: Lens, samples: int, half: int, sampler: Sampler) -> LensTables:
-    recipe: dict[str, Any] = {name: getattr(lens, name) for name in _OPTICAL}
+    recipe: dict[str, Any] = {name: getattr(lens, name) for name in OPTICAL}
     recipe |= {
         "samples": samples,
         "half": half,
@@ -192,7 +203,7 @@ def ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler | None 
     The table has the form of `in_parts`, in the pattern's frame; orientation, mirroring and isotropy belong to the
     tracer, as with `tables`. The last few are remembered.
     """
-    optics = dataclasses.replace(Lens(), prisms=lens.prisms, **{name: getattr(lens, name) for name in _OPTICAL})
+    optics = dataclasses.replace(Lens(), prisms=lens.prisms, **{name: getattr(lens, name) for name in OPTICAL})
     return _ring_table(optics, cosine, samples, sampler or traced_samples)
 
 

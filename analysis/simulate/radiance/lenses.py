@@ -12,6 +12,7 @@ import numpy as np
 from analysis.bsdf.model import Incidence, Tracer
 from analysis.bsdf.tensor_tree import TensorTreeBsdf
 from analysis.simulate.components import Lens
+from analysis.simulate.lens import OPTICAL, sheet_of
 from analysis.simulate.store import cache_folder, code_digest, content_key, keep
 
 DEPTH = 5
@@ -26,8 +27,6 @@ SUN_RAYS = 2_000_000
 """Traced for each of a cover's panes."""
 
 Vector = tuple[float, float, float]
-
-_OPTICAL = ("refractive_index", "thickness_mm", "absorption_per_mm", "pitch_mm", "slope_deg", "blur_deg")
 
 
 def bsdf_file(lens: Lens, folder: Path, depth: int = DEPTH) -> Path:
@@ -86,7 +85,7 @@ def klems_file(lens: Lens, folder: Path) -> Path:
 
 
 def _kept(lens: Lens, folder: Path, form: dict[str, Any]) -> Path:
-    recipe = {name: getattr(lens, name) for name in _OPTICAL} | form | {"code": code_digest("analysis/bsdf")}
+    recipe = {name: getattr(lens, name) for name in OPTICAL} | form | {"code": code_digest("analysis/bsdf")}
     name = f"{content_key(recipe)}.xml"
     here, known = folder / name, cache_folder("bsdf") / name
     if known.is_file():
@@ -110,14 +109,6 @@ def _traced(lens: Lens, path: Path, form: dict[str, Any]) -> Path:
 
 
 def _tracer(lens: Lens) -> Tracer:
-    from analysis.bsdf.prism import PrismSheet, prism_tracer
+    from analysis.bsdf.prism import prism_tracer
 
-    sheet = PrismSheet(
-        index=lens.refractive_index,
-        thickness_mm=lens.thickness_mm,
-        pitch_mm=lens.pitch_mm,
-        slope_deg=lens.slope_deg,
-        slope_error_deg=lens.blur_deg,
-        absorption_per_mm=lens.absorption_per_mm,
-    )
-    return prism_tracer(sheet)
+    return prism_tracer(sheet_of(lens))
