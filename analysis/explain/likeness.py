@@ -112,8 +112,10 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
 
     Whether a simulation knew its lenses' patterns is a matter of its engine, so it is decided for all systems together.
     """
-    looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what)) is not None}
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    cores = len(os.sched_getaffinity(0))
+    each = max(1, cores // max(len(predicted), 1))
+    looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what, each)) is not None}
+    with ThreadPoolExecutor(cores) as pool:
         best = list(pool.map(_Look.patterned, looks.values()))
         blurred = list(pool.map(_Look.patternless, looks.values(), best))
         if looks and _unlike(looks.values(), blurred) < _NO_PATTERN * _unlike(looks.values(), best):
@@ -126,7 +128,7 @@ def _unlike(looks: Iterable["_Look"], chosen: Iterable[Prisms]) -> float:
     return float(np.sqrt(sum(look.unlike(prisms) ** 2 for look, prisms in zip(looks, chosen, strict=True))))
 
 
-def _look(system: System, what: Predicted) -> "_Look | None":
+def _look(system: System, what: Predicted, threads: int) -> "_Look | None":
     """A few of a system's tests, from the lowest sun to the highest; ``None`` without prisms, or without sun."""
     places = [p for p in LENS_PLACES.get(system.kind, ()) if getattr(system, p).kind == "prismatic"]
     lit = [k for k, day in enumerate(what.days) if day.beam_lx > 0.0 and np.any(what.seen[k] > 0.0)]
@@ -135,13 +137,13 @@ def _look(system: System, what: Predicted) -> "_Look | None":
     lit.sort(key=lambda k: what.days[k].sun_altitude_deg)
     chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
     days = [what.days[k] for k in chosen]
-    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]))
+    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), threads)
 
 
 class _Look:
     """A system's sun part with other lenses, beside the predicted one."""
 
-    def __init__(self, system: System, places: list[str], what: Predicted) -> None:
+    def __init__(self, system: System, places: list[str], what: Predicted, threads: int) -> None:
         self.system, self.places, self.field = system, places, what.field
         self.source = sun_source(what.days)
         self.use = Settings(
@@ -151,6 +153,7 @@ class _Look:
             sharp_side=SHARP_SIDE,
             distance_m=what.distance_m,
             bounces=1,
+            threads=threads,
         )
         self.known_to = int(np.searchsorted(GAMMA_DEG, what.to_deg, side="right"))
         self.sky = what.sky
