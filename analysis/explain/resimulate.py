@@ -9,9 +9,9 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.fields import GAMMA_DEG, fields_of
+from analysis.explain.file_parts import readings_of
 from analysis.explain.likeness import Likened, Predicted, likened
 from analysis.explain.ratios import Field
-from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
 from analysis.explain.tracing import AUREOLES_DEG, Tracing, systems_of
@@ -71,7 +71,7 @@ class OwnSimulation:
         alike = _likened(self.case, self.systems)
         systems = {name: like.system for name, like in alike.items()}
         traced = Tracing(self.case, systems, self.only, {name: like.spread_deg for name, like in alike.items()})
-        readings = Readings.of(self.case, measured_only=False)
+        readings = readings_of(self.case, measured_only=False)
         split = self.only is None or not readings.has_parts
         return Retracings(
             paths_of(traced, self.only),
@@ -114,7 +114,7 @@ def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, Likened]:
     """The systems with lenses like the prediction's; where that gives only the sum, ours is one with our sky's part."""
     if case.setup.goniometer is None:
         return {name: Likened(system) for name, system in systems.items()}
-    readings = Readings.of(case, measured_only=False)
+    readings = readings_of(case, measured_only=False)
     given, tracing = fields_of(readings), Tracing(case, systems)
     sky = np.zeros_like(given.sky) if readings.has_parts else np.nan_to_num(tracing.sky_part(given.total, FEW_RAYS))
     seen = given.sun if readings.has_parts else given.total

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.cases import Case
 from analysis.cases.model import Floats, Goniometer
 from analysis.explain.fields import Fields, fields_of
+from analysis.explain.file_parts import readings_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
 from analysis.explain.retrace import Retraced, Simulator, retraced_of
 from analysis.explain.sampler import Sampler
@@ -57,7 +58,7 @@ class Light:
 
 def scene_of(case: Case, simulator: Simulator | None = None, *, measured_only: bool = True) -> "Scene":
     """The scene of ``case``; where the arm's predictions are not given in parts, ``simulator`` splits them."""
-    readings = Readings.of(case, measured_only=measured_only)
+    readings = readings_of(case, measured_only=measured_only)
     retraced = retraced_of(case, simulator)
     whole = (readings.kind == GONIOMETER) & ~(np.isfinite(readings.sun) & np.isfinite(readings.sky))
     part = simulator.sky_part() if simulator is not None and np.any(whole) else None

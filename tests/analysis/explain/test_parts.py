@@ -54,6 +54,19 @@ def test_parts_that_are_given_stay(tmp_path: Path, own: _Split) -> None:
     assert np.array_equal(scene.readings.sun, Readings.of(case).sun)
 
 
+def test_files_tell_the_parts_of_sums(tmp_path: Path, own: _Split) -> None:
+    """No simulation is asked: what the files give apart is the prediction's own."""
+    given = Readings.of(make_case(tmp_path / "given"))
+    case = make_case(tmp_path / "case", parts=False)
+    assert not Readings.of(case).has_parts
+    scene = scene_of(case, _Split(0.5 * own.sky))
+    r = scene.readings
+    assert r.has_parts and scene.sky_part is None
+    assert r.sun + r.sky == pytest.approx(r.simulated)
+    assert np.sqrt(np.mean((r.sun - given.sun) ** 2)) < 0.01 * np.sqrt(np.mean(given.sun**2))
+    assert np.sqrt(np.mean((r.sky - given.sky) ** 2)) < 0.01 * np.sqrt(np.mean(given.sky**2))
+
+
 def test_a_system_that_cannot_be_traced_stays_whole(tmp_path: Path, own: _Split) -> None:
     case = make_case(tmp_path / "case", parts=False, files=False)
     own.sky[0] = np.nan
