@@ -4,12 +4,16 @@ Below a skylight a few readings can be off by tens of per cents where all others
 elsewhere. Taken for scatter they would make all others count for little, and whatever happens to move a few of them
 would gain what it does not explain. So readings that neither nothing nor any promising mechanism explains are quieted:
 each may err by itself. They are told, and where nothing is named they say that something is there.
+
+Under broken cloud a picture has edges everywhere, and a fraction of a degree between two instruments is worth tens of
+per cents there: such readings are quieted, too, but tell nothing.
 """
 
 from dataclasses import replace
 from functools import partial, reduce
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from analysis.cases.model import Ints
@@ -18,6 +22,8 @@ from analysis.explain.families import SIZES
 from analysis.explain.fit import MIDDLE, Extra, Fit
 from analysis.explain.form_error import locally_wrong
 from analysis.explain.lens_error import steepness
+from analysis.explain.pointing_error import sky_steepness
+from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.wander import Wander
 
@@ -38,9 +44,9 @@ _PROMISING, _MOST = 10.0, 4
 def quieted(search: Search) -> Search:
     """The search, with those readings quieted that stand alone beside nothing and beside each promising mechanism.
 
-    Only below a skylight: a meter's or a camera's lone readings are what a cloud or a shadow did.
+    Only below a skylight, and of pictures under broken cloud: a meter's lone readings are what a shadow did.
     """
-    if not np.any(search.scene.is_gonio):
+    if not np.any(search.scene.is_gonio | at_clouds(search.scene)):
         return search
     nothing = search.fitter.fit((), np.zeros(0), MIDDLE)
     looks = sorted((min(fits, key=lambda f: f.objective) for fits in search.looks.values()), key=lambda f: f.objective)
@@ -57,7 +63,15 @@ def _odd_beside(search: Search, look: Fit) -> Ints:
     """Rows that stand alone beside a first look's fit, its sizes found."""
     fit, extra = replace(look), search.forms_wrong(look)
     search.fitter.weigh([fit], extra)
-    return _odd(search, fit, extra)
+    odd = _odd(search, fit, extra)
+    return odd[(search.scene.is_gonio | at_clouds(search.scene))[odd]]
+
+
+def at_clouds(scene: Scene) -> NDArray[np.bool_]:
+    """Luminances under broken cloud (N,), where a cloud's edge may lie."""
+    r = scene.readings
+    broken = np.array([t.sky == "partly-cloudy" for t in r.case.tests])
+    return np.asarray(scene.is_sky & broken[r.test])
 
 
 def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wander, float] | None:
@@ -69,6 +83,7 @@ def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wa
     count = len(search.scene.readings)
     # where a lens's image is steep, a reading may be off by itself
     odd = _odd(search, fit, extra, max([_EDGE_DEG, *(t.mechanism.displaces_deg(search.scene) for t in fit.terms)]))
+    odd = odd[~at_clouds(search.scene)[odd]]
     if len(odd) == 0:
         return None
     columns = np.eye(count)[:, odd]
@@ -80,7 +95,9 @@ def _odd(search: Search, fit: Fit, extra: tuple[Extra, ...], edge_deg: float = 0
     """Rows that are far from what all others say of them, the oddest first."""
     scene, whitener = search.scene, search.fitter.whitener(fit.hyper, extra)
     precision = whitener.squares(np.eye(len(scene.readings)))
-    wrong = (edge_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
+    wrong = (edge_deg * (steepness(scene) + sky_steepness(scene))) ** 2 + locally_wrong(
+        scene, fit.terms, fit.theta
+    ) ** 2
     deviation = np.abs(whitener.weights(fit.residual)) / precision / np.sqrt(1.0 / precision + wrong)
     oddest = np.argsort(-deviation)[: max(int(_FEW * len(deviation)), 1)]
     return np.asarray(oddest[deviation[oddest] > ODD])

@@ -27,3 +27,11 @@ def pointing_errors(scene: Scene) -> Floats:
     v, loud = towards(r), np.where(scene.is_sky, np.abs(r.measured) / r.scale, 0.0)
     moved = tilted(v, _STEP_DEG, 0.0), tilted(v, 0.0, _STEP_DEG), turned(v, _STEP_DEG)
     return np.stack([USUAL_DEG / _STEP_DEG * loud * scene.sky_shape.beside(w) for w in moved], axis=1)
+
+
+def sky_steepness(scene: Scene) -> Floats:
+    """Change of each luminance per degree across the sky, on the stretched scale; (N,), zero where it is not known.
+
+    The three axes together are two directions at right angles, wherever one looks.
+    """
+    return np.asarray(np.linalg.norm(scene.remember(pointing_errors), axis=1) / USUAL_DEG)

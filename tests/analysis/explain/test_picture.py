@@ -9,10 +9,11 @@ from analysis.explain.answer import answer
 from analysis.explain.hypers import OF_THE_SKY, lattice_of
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
-from analysis.explain.pointing_error import pointing_errors
+from analysis.explain.pointing_error import pointing_errors, sky_steepness
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import USUAL, flat_field, of_a_model
+from analysis.explain.sky_shape import towards
 from tests.analysis.explain.campaign import Floats, Sky
 from tests.analysis.explain.roof import SKY_TESTS, luminance, picture_points, sky_case, sun_distance, sun_of
 
@@ -137,3 +138,27 @@ def test_a_clock_is_no_turned_camera(tmp_path: Path) -> None:
         later.append((base + glow * np.exp(-away[0] / 25.0)) / (base + glow * np.exp(-away[1] / 25.0)) - 1.0)
     content = answer(explain(sky_case(tmp_path / "case", seen(np.concatenate(later)))))
     assert [m["id"] for m in content["mechanisms"]] == ["clock-offset"]
+
+
+@pytest.mark.parametrize(("test", "verdict"), [(2, "no-mismatch"), (0, "unexplained")])
+def test_a_few_odd_readings_tell_nothing_under_broken_cloud(tmp_path: Path, test: int, verdict: str) -> None:
+    """There a cloud's edge may lie between two instruments; in a clear sky they are something."""
+    odd = np.zeros(160)
+    odd[40 * test + np.array([8, 17, 25, 36])] = 0.8, -0.5, 0.6, -0.5
+    assert SKY_TESTS[test].sky == ("partly-cloudy" if verdict == "no-mismatch" else "clear")
+    assert answer(explain(sky_case(tmp_path / "case", seen(odd))))["verdict"] == verdict
+
+
+def test_steep_places_of_a_sky_scatter_by_errors_of_direction(tmp_path: Path) -> None:
+    """As much as the sky changes in a degree, by great circles: along and across the meridian of each direction."""
+    scene = Scene(Readings.of(sky_case(tmp_path / "case")))
+    r, v = scene.readings, towards(scene.readings)
+    up = np.array([0.0, 0.0, 1.0]) - v[:, 2:] * v
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
+    step = np.tan(np.radians(0.5))
+    ways = [
+        (v + step * side) / np.linalg.norm(v + step * side, axis=1, keepdims=True) for side in (up, np.cross(up, v))
+    ]
+    slope = np.hypot(*(scene.sky_shape.beside(w) for w in ways)) / 0.5 * np.abs(r.measured) / r.scale
+    inside = v[:, 2] < 0.99
+    assert sky_steepness(scene)[inside] == pytest.approx(slope[inside], rel=0.06, abs=5e-4)
