@@ -184,6 +184,11 @@ class Scene:
         """Kinds of channel that occur."""
         return tuple(k for k in (GONIOMETER, ROOF, SKY) if np.any(self.readings.kind == k))
 
+    @cached_property
+    def on_the_roof(self) -> bool:
+        """Whether illuminance meters were read, and luminances at most beside them."""
+        return ROOF in self.kinds and GONIOMETER not in self.kinds
+
     @property
     def goniometer(self) -> Goniometer | None:
         """The arm, if the case describes it."""

@@ -13,6 +13,8 @@ from analysis.explain.readings import ROOF, Readings
 
 RINGS_DEG = np.arange(2.5, 90.0, 5.0)
 """Zenith angles of the rings' middles."""
+ABOUT_DEG = 8.0
+"""What a shading disc of another size hides, or leaves, lies within this angle of the sun."""
 _STEPS = (2.0, 5000.0, 2000.0)
 """Skies are worked out to so many degrees of the sun's height, and lx of normal beam and of diffuse light."""
 
@@ -28,10 +30,13 @@ class SkyFlux:
     sunward : shape (N,)
         Horizontal component of the light's flow, from the sun's side, over the horizontal diffuse illuminance: by
         so much (times the sine) grows the diffuse light on a meter that leans towards the sun.
+    about : shape (N,)
+        Share of the horizontal diffuse illuminance that comes from within `ABOUT_DEG` of the sun.
     """
 
     rings: Floats
     sunward: Floats
+    about: Floats
 
     @classmethod
     def of(cls, readings: Readings) -> "SkyFlux":
@@ -39,7 +44,7 @@ class SkyFlux:
         r = readings
         even = np.sin(2.0 * np.radians(RINGS_DEG))
         rings = np.tile(even / even.sum(), (len(r), 1))
-        sunward = np.zeros(len(r))
+        sunward, about = np.zeros(len(r)), np.zeros(len(r))
         known = (r.kind == ROOF) & np.isfinite(r.sun) & (r.sky > 0.0) & np.isfinite(r.sun_altitude_at_deg)
         height = np.maximum(r.sun_altitude_at_deg, 3.0)
         normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(height))
@@ -48,12 +53,12 @@ class SkyFlux:
         made = [_flux(*(sky * _STEPS)) for sky in skies]
         if made:
             rings[known] = np.stack([m[0] for m in made])[which.ravel()]
-            sunward[known] = np.array([m[1] for m in made])[which.ravel()]
-        return cls(rings, sunward)
+            sunward[known], about[known] = np.array([m[1:] for m in made])[which.ravel()].T
+        return cls(rings, sunward, about)
 
 
-def _flux(height_deg: float, normal_lx: float, diffuse_lx: float) -> tuple[Floats, float]:
-    """Shares of the rings and the sunward component of one sky."""
+def _flux(height_deg: float, normal_lx: float, diffuse_lx: float) -> tuple[Floats, float, float]:
+    """Shares of the rings, the sunward component, and the share about the sun of one sky."""
     from analysis.sky.perez import PerezSky
     from analysis.sky.quadrature import hemisphere_nodes
 
@@ -68,4 +73,5 @@ def _flux(height_deg: float, normal_lx: float, diffuse_lx: float) -> tuple[Float
     edges = np.radians(np.append(RINGS_DEG - 2.5, 90.1))
     shares, _ = np.histogram(np.arccos(np.clip(cosine, 0.0, 1.0)), bins=edges, weights=level)
     total = float(level.sum())
-    return shares / total, float(np.sum(light * across)) / total
+    near = away < np.radians(ABOUT_DEG)
+    return shares / total, float(np.sum(light * across)) / total, float(np.sum(level[near])) / total

@@ -9,6 +9,9 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
 _DISC = Parameter("beam_as_diffuse", "1", "share of the beam that counts as diffuse", -0.15, 0.3, 0.03, (-0.02, 0.03))
+_ABOUT = Parameter(
+    "ring_as_diffuse", "1", "light about the sun that counts as diffuse, over what it has", -2.0, 2.0, 0.5, (-0.4, 0.4)
+)
 
 
 class SkySunRatio(Mechanism):
@@ -22,8 +25,9 @@ class SkySunRatio(Mechanism):
     )
     needs = "sun and sky parts apart; global and diffuse illuminance of each test"
     source = (
-        "D' = D(1+s), or D' = D + sB where a shading disc hides more or less than the sun; B' = G - D'; "
-        "report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, Solar Energy 110"
+        "D' = D(1+s); where a shading disc hides more or less than the sun, D' = D + sB, or D' = D(1 + sa), a the "
+        "share of Perez' sky about the sun; B' = G - D'; report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, "
+        "Solar Energy 110; Perez et al. 1993, Solar Energy 50"
     )
     tie_breaker = "a test under an overcast sky (no beam) or with a very different ratio of diffuse to global"
     kinds = ("goniometer", "roof")
@@ -32,22 +36,32 @@ class SkySunRatio(Mechanism):
         """Without the parts nothing can be shifted between them."""
         if not scene.readings.has_parts:
             return "the records do not give the sun and sky parts apart"
+        if scene.on_the_roof:
+            shaded = np.any(scene.remember(beam_behind_disc) > 0.0)
+            return "" if shaded else "no meter is shaded from a sun that another sees"
         return "" if scene.knows_split else "global and diffuse illuminance are not given for every test"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A share of the sky; where a shaded meter was read, also one of the beam, through its disc."""
-        through = Branch("through the shading disc", "disc")
-        return (Branch(), through) if np.any(scene.remember(beam_behind_disc) > 0.0) else (Branch(),)
+        """A share of the sky; where a shaded meter was read, also one of the beam, or of the sky about the sun."""
+        if not np.any(scene.remember(beam_behind_disc) > 0.0):
+            return (Branch(),)
+        return Branch(), Branch("through the shading disc", "disc"), Branch("about the shading disc", "ring")
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """The disc is at most a few degrees too wide or too narrow."""
-        return (_DISC,) if branch.value else self.parameters
+        return {"disc": (_DISC,), "ring": (_ABOUT,)}.get(branch.value, self.parameters)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Move light between the parts at constant global illuminance."""
+        """Move light between the parts at constant global illuminance: on a roof the shaded meter alone shows it."""
+        behind = scene.remember(beam_behind_disc)
         if branch.value:
-            more = p[0] * scene.remember(beam_behind_disc) / np.maximum(scene.readings.sky, 1e-9)
-            light.sky_factor = light.sky_factor * np.maximum(1.0 + more, 0.0)
+            sky = np.maximum(scene.readings.sky, 1e-9)
+            of_the_sky = behind / sky if branch.value == "disc" else np.where(behind > 0.0, scene.sky_flux.about, 0.0)
+            light.sky_factor = light.sky_factor * np.maximum(1.0 + p[0] * of_the_sky, 0.0)
+            return
+        if scene.on_the_roof:
+            shaded = np.isin(scene.readings.channel, np.unique(scene.readings.channel[behind > 0.0]))
+            light.sky_factor = light.sky_factor * np.where(shaded, 1.0 + p[0], 1.0)
             return
         diffuse, beam = scene.readings.diffuse_lx, scene.beam_lx
         lost = np.divide(p[0] * diffuse, beam, out=np.zeros_like(beam), where=beam > 0.02 * diffuse)
@@ -57,6 +71,8 @@ class SkySunRatio(Mechanism):
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
         more = "more" if p[0] > 0 else "less"
+        if branch.value == "ring":
+            return f"The shaded meter saw {more} of the sky about the sun than assumed: its disc hides another cone."
         if branch.value:
             return f"The shaded meter saw {abs(p[0]):.1%} of the beam {more} than assumed: its disc hides another cone."
         return (

@@ -23,7 +23,7 @@ from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
 from analysis.explain.series import quiet, unrest
-from analysis.explain.sky_flux import RINGS_DEG, SkyFlux, _flux
+from analysis.explain.sky_flux import ABOUT_DEG, RINGS_DEG, SkyFlux, _flux
 from tests.analysis.explain.campaign import SITE, Floats
 from tests.analysis.explain.roof import beam_and_sky
 
@@ -280,16 +280,19 @@ def test_a_day_is_one_block_and_days_are_not_remembered(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("height", "normal"), [(20.0, 60_000.0), (50.0, 90_000.0), (75.0, 20_000.0)])
 def test_the_sky_on_a_level_meter_is_that_of_its_rings(height: float, normal: float) -> None:
-    """Shares add up; the sunward flow is that of a plain grid of directions."""
+    """Shares add up; the sunward flow, and what comes from about the sun, are those of a plain grid of directions."""
     from analysis.sky.perez import PerezSky
 
-    shares, sunward = _flux(height, normal, 15_000.0)
-    zenith, round_ = np.meshgrid(np.radians(np.arange(0.5, 90.0)), np.radians(np.arange(1.0, 360.0, 2.0)))
+    shares, sunward, about = _flux(height, normal, 15_000.0)
+    zenith, round_ = np.meshgrid(np.radians(np.arange(0.25, 90.0, 0.5)), np.radians(np.arange(0.5, 360.0, 1.0)))
     v = np.stack([np.sin(zenith) * np.sin(round_), np.sin(zenith) * np.cos(round_), np.cos(zenith)], axis=-1)
     flow = PerezSky.from_illuminances(normal, 15_000.0, height, 0.0).luminance(v) * np.sin(zenith)
     assert shares.sum() == pytest.approx(1.0, abs=1e-6)
     assert sunward == pytest.approx(float(np.sum(flow * v[..., 1]) / np.sum(flow * v[..., 2])), abs=0.02)
     level = flow * v[..., 2]
+    sun = np.array([0.0, np.cos(np.radians(height)), np.sin(np.radians(height))])
+    near = float(level[v @ sun > np.cos(np.radians(ABOUT_DEG))].sum() / level.sum())
+    assert about == pytest.approx(near, rel=0.08) and about > (1.0 - np.cos(np.radians(ABOUT_DEG)))
     low = float(level[zenith > np.radians(60.0)].sum() / level.sum())
     assert shares[RINGS_DEG > 60.0].sum() == pytest.approx(low, abs=0.01)
 
