@@ -41,6 +41,10 @@ _BY_CHANGE = 8.0
 _SHOWN_ITSELF = 8.0
 """What a clock's offset must gain [nats] before the scatter under cloud tells its size. (On another author's roofs
 two clocks that had less were none; right ones had 80 and more.)"""
+_AS_FAR, _FARTHEST = (1.0, 4.0, 0.6), (5.0, 20.0, 3.0)
+"""Usual and largest offset of a clock, over that of which a random walk would leave the scatter that is there; four
+times as much up to so many minutes, for where readings follow each other fast the offset itself takes most of the
+scatter. (On another author's roofs clocks .6 min off left as little as .06 min would.)"""
 
 
 @dataclass
@@ -140,7 +144,7 @@ class Search:
         allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values())
         fits = dict(zip(fits, allowed, strict=True))
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
-        if self.scene.kinds == ("roof",):
+        if self.scene.on_the_roof:
             found += [h for h in map(self._restless, found[:]) if h is not None]
         return sorted(found, key=lambda h: -h.evidence)
 
@@ -157,7 +161,8 @@ class Search:
             extra = (UNREST.extra(self.scene, root_min, 1.0),)
             for way in self._terms[UNREST.name]:
                 about = root_min**2
-                p = replace(way.parameters[0], low=-5 * about, high=5 * about, sigma=about, starts=(-about, about))
+                usual, far = (max(x * about, min(y * about, most)) for x, y, most in (_AS_FAR, _FARTHEST))
+                p = replace(way.parameters[0], low=-far, high=far, sigma=usual, starts=(-usual, usual))
                 for start in p.starts:
                     fit = self.fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
                     self.fitter.weigh([fit], extra)

@@ -16,12 +16,19 @@ from analysis.explain.scene import Scene
 
 _WIDTH = 2.5
 """Width [steps] of the weights of a local parabola: it keeps a sixth of the variance of independent noise."""
-_SURE = 2.0
-"""Second differences are a cloud's so far as their mean square is above so many times that of noise."""
+_SURE = 3.0
+"""Second differences are a cloud's so far as their mean square is above so many times that of noise;"""
+_ENOUGH = 6.0
+"""of fewer than so many there must be as many times more: two may be large by chance."""
 _FEWEST = 8
-_RECORDED = (4.5e-4, 0.01)
+_RECORDED = (4.5e-4, 0.013)
 """Relative noise of a recording. (Of two authors' 115 second instruments the quietest had 5.8e-4, four saw broken cloud
-alone and had more than 1e-2; of their 75 models of the sky all but two, under cloud alone, had less than 3.8e-4.)"""
+alone and had more than 1e-2; of their 75 models of the sky all but two, under cloud alone, had less than 3.8e-4. A
+third author's second instruments had up to 1e-2.)"""
+_CALM = (0.3, 0.385)
+"""Such a share of differences is taken for noise alone, and that quantile of a Gaussian's absolute value."""
+_UNEVEN = 0.5
+"""Times between the readings of a series may differ by this share of the usual one."""
 
 
 @dataclass(frozen=True)
@@ -46,22 +53,28 @@ def series_of(scene: Scene) -> list[Series]:
     return found
 
 
+def looks_one_way(scene: Scene, channel: int) -> bool:
+    """Whether an instrument looks in one direction all the time, or in none: then its readings are a series."""
+    r = scene.readings
+    mine = r.channel == channel
+    ways = np.stack([r.gamma_deg[mine], r.c_deg[mine]])
+    return bool(np.all(np.ptp(ways, axis=1) == 0.0) or np.all(np.isnan(ways)))
+
+
 def step_min(scene: Scene) -> float:
     """Usual time between readings of a channel [min]."""
     return float(np.median(np.concatenate([np.diff(s.t) for s in series_of(scene)])))
 
 
 def quiet(t: Floats, x: Floats, noise: Floats) -> Floats:
-    """A series (M,) without its noise: smooth where second differences are no larger than noise makes them.
-
-    Half of the variance of ``noise`` is taken for the prediction's own: what readings state is that of both.
-    """
-    if len(t) < 5:
+    """A series (M,) without its ``noise`` (M,): smooth where second differences are no larger than noise makes them."""
+    if len(t) < 3:
         return x
     wild = np.diff(x, n=2) ** 2
-    expected = 3.0 * noise[1:-1] ** 2  # half of (1, -2, 1)
+    expected = 6.0 * noise[1:-1] ** 2  # of (1, -2, 1)
     near = np.exp(-0.5 * ((np.arange(len(t))[:, None] - np.arange(1, len(t) - 1)[None, :]) / _WIDTH) ** 2)
-    cloud = np.clip(1.0 - _SURE * (near @ expected) / np.maximum(near @ wild, 1e-30), 0.0, 1.0)
+    sure = _SURE + np.maximum(_ENOUGH - near.sum(axis=1), 0.0)
+    cloud = np.clip(1.0 - sure * (near @ expected) / np.maximum(near @ wild, 1e-30), 0.0, 1.0)
     return np.asarray(cloud * x + (1.0 - cloud) * (_parabolas(t) @ x))
 
 
@@ -79,16 +92,37 @@ def _parabolas(t: Floats) -> Floats:
 def recorded(scene: Scene) -> bool:
     """Whether what is predicted for the roof is a second instrument's recording: a model of the sky has no noise.
 
-    The quietest series tells, by what is left of it beside local parabolas (median); under broken cloud all day, or
-    without times, nothing does.
+    Under broken cloud all day, or without times, nothing tells.
     """
+    return _RECORDED[0] < _quietest(scene) < _RECORDED[1]
+
+
+def predicted_noise(scene: Scene) -> Floats:
+    """Standard deviation (N,) of the noise of what is predicted.
+
+    Half of the variance of the readings' noise, which may be that of both; more where the prediction shows more in
+    third differences, of which clouds may make two thirds.
+    """
+    r = scene.readings
+    thirds = []
+    for s in series_of(scene):
+        step = np.diff(s.t)
+        if len(s.rows) > 3 and scene.is_roof[s.rows[0]] and np.ptp(step) < _UNEVEN * np.median(step):
+            thirds.append(np.abs(np.diff(np.log(np.maximum(r.simulated[s.rows], r.floor[s.rows])), n=3)))
+    shown = float(np.quantile(np.concatenate(thirds), _CALM[0])) / _CALM[1] / np.sqrt(20.0) if thirds else 0.0
+    own = shown * np.abs(r.simulated) if _RECORDED[0] < shown < _RECORDED[1] else np.zeros(len(r))
+    return np.asarray(np.maximum(np.sqrt(0.5) * r.noise, np.where(scene.is_roof, own, 0.0)))
+
+
+def _quietest(scene: Scene) -> float:
+    """Relative noise of the quietest predicted series of a roof, beside local parabolas (median); infinite without."""
     r = scene.readings
     noises = []
     for s in series_of(scene) if r.has_times else []:
         if len(s.rows) >= _FEWEST and scene.is_roof[s.rows[0]]:
             level = np.log(np.maximum(r.simulated[s.rows], r.floor[s.rows]))
             noises.append(1.48 * float(np.median(np.abs(level - _parabolas(s.t) @ level))))
-    return bool(noises) and _RECORDED[0] < min(noises) < _RECORDED[1]
+    return min(noises, default=np.inf)
 
 
 def unrest(scene: Scene) -> Floats:

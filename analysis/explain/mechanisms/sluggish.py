@@ -10,7 +10,7 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.roof_meters import heads, of_channel
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
-from analysis.explain.series import quiet, series_of
+from analysis.explain.series import predicted_noise, quiet, series_of
 
 
 class Sluggish(Mechanism):
@@ -25,7 +25,7 @@ class Sluggish(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """A series of times."""
-        if scene.kinds != ("roof",) or not scene.readings.has_times:
+        if not scene.on_the_roof or not scene.readings.has_times:
             return "there is no series of times"
         return "" if series_of(scene) else "there is no series of times"
 
@@ -38,10 +38,11 @@ class Sluggish(Mechanism):
         if p[0] < 1e-6:
             return values
         made, mine = values.copy(), of_channel(scene, branch.value)
+        noise = scene.remember(predicted_noise)
         for s in series_of(scene):
             if not mine[s.rows[0]]:
                 continue
-            steady = quiet(s.t, values[s.rows], scene.readings.noise[s.rows])
+            steady = quiet(s.t, values[s.rows], noise[s.rows])
             made[s.rows] += low_passed(s.t, steady, float(p[0])) - steady
         return made
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.scene import Light, Scene
+from analysis.explain.series import looks_one_way
 
 _UNLIKE = 0.01
 """Predictions that differ by less (rms, relative) cannot tell whether two instruments were exchanged."""
@@ -84,16 +85,9 @@ def _above(scene: Scene) -> list[tuple[int, int]]:
     r = scene.readings
     if not r.has_times:
         return []
-    steady = [int(k) for k in np.unique(r.channel[~scene.is_gonio]) if _looks_one_way(scene, int(k))]
+    steady = [int(k) for k in np.unique(r.channel[~scene.is_gonio]) if looks_one_way(scene, int(k))]
     kind = {k: r.kind[r.channel == k][0] for k in steady}
     return [(a, b) for a, b in combinations(steady, 2) if kind[a] == kind[b] and _unlike(scene, a, b)]
-
-
-def _looks_one_way(scene: Scene, channel: int) -> bool:
-    r = scene.readings
-    mine = r.channel == channel
-    directions = np.stack([r.gamma_deg[mine], r.c_deg[mine]])
-    return bool(np.all(np.ptp(directions, axis=1) == 0.0) or np.all(np.isnan(directions)))
 
 
 def _unlike(scene: Scene, a: int, b: int) -> bool:

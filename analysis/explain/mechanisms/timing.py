@@ -10,7 +10,7 @@ from analysis.explain.mechanisms.camera import cameras_side
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
-from analysis.explain.series import quiet, series_of, step_min
+from analysis.explain.series import looks_one_way, predicted_noise, quiet, series_of, step_min
 from labdaq import directions
 
 _CLEAR_LOSS = 0.25
@@ -80,7 +80,8 @@ class ClockOffset(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
         ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)
-        series = scene.kinds == ("roof",) and series_of(scene)
+        steady = all(looks_one_way(scene, int(k)) for k in np.unique(scene.readings.channel))
+        series = scene.on_the_roof and steady and series_of(scene)
         return (*ways, Branch("all daylight", "series")) if series else ways
 
     @staticmethod
@@ -106,17 +107,19 @@ class ClockOffset(Mechanism):
         """Turn the sky's pattern with the sun, where luminances were read.
 
         As with all that a camera does, its clock is meant; where it is the prediction, the meter saw what it did not.
+        Luminances beside illuminances were read by the same clock.
         """
-        if not np.any(scene.is_sky):
+        if not np.any(scene.is_sky) or branch.value == "series":
             return values
-        return np.asarray(values * np.exp(scene.remember(cameras_side) * scene.sky_shape.later(float(p[0]))))
+        side = scene.is_sky if scene.on_the_roof else scene.remember(cameras_side)
+        return np.asarray(values * np.exp(side * scene.sky_shape.later(float(p[0]))))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Put the sun where it stood: its height on a roof meter, its image below a skylight."""
         if branch.value == "series":
             sun, sky = scene.remember_last(_later, float(p[0]))
-            light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
-            light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
+            light.sun_factor = light.sun_factor * sun
+            light.sky_factor = light.sky_factor * sky
             return
         if np.any(scene.is_roof):
             sun, sky = _clear_later(scene, _altitude_later(scene, float(p[0])))
@@ -213,9 +216,8 @@ def _passed(scene: Scene) -> Floats:
 
 def _steady(scene: Scene) -> Floats:
     """The same without the noise of the prediction's series; (2, N)."""
-    r = scene.readings
-    passed = scene.remember(_passed)
-    noise = np.stack([r.noise / np.maximum(_clear_beam(r.sun_altitude_at_deg), 1e-9), r.noise])
+    passed, own = scene.remember(_passed), scene.remember(predicted_noise)
+    noise = np.stack([own / np.maximum(_clear_beam(scene.readings.sun_altitude_at_deg), 1e-9), own])
     made = passed.copy()
     for s in series_of(scene):
         for k in (0, 1):

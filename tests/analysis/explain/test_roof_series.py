@@ -22,7 +22,7 @@ from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.explain.search import Hypothesis, Search
-from analysis.explain.series import quiet, unrest
+from analysis.explain.series import predicted_noise, quiet, unrest
 from analysis.explain.sky_flux import ABOUT_DEG, RINGS_DEG, SkyFlux, _flux
 from tests.analysis.explain.campaign import SITE, Floats
 from tests.analysis.explain.roof import beam_and_sky
@@ -46,18 +46,20 @@ def cloud(moment_ns: Floats, per_root_min: float) -> Floats:
     return np.asarray(1.0 / (1.0 + np.exp(-np.interp(t + 100.0, np.arange(len(walk)), walk - walk.mean()))))
 
 
-def series(folder: Path, late_s: float = 0.0, per_root_min: float = 0.3, gain: float | Floats = 1.0) -> Case:
-    """A meter whose clock is wrong, beside a true one; noise of a third of a per cent on each."""
+def series(
+    folder: Path, late_s: float = 0.0, per_root_min: float = 0.3, gain: float | Floats = 1.0, noise: float = 0.003
+) -> Case:
+    """A meter whose clock is wrong, with noise of a third of a per cent, beside a true one with its own ``noise``."""
     rng = np.random.default_rng(8)
     light, parts = [], None
-    for late in (0.0, late_s):
+    for late, scatter in ((0.0, noise), (late_s, 0.003)):
         at = moments(late)
         table = CaseFile.model_validate({"format": "labdaq-case/1", "site": SITE, **_facts()})
         altitude, _ = _sun(at)
         beam, sky = beam_and_sky(altitude)
         beam = beam * cloud(at, per_root_min)
         parts = parts or (beam, sky)
-        light.append((beam + sky) * (1.0 + 0.003 * rng.normal(size=len(at))))
+        light.append((beam + sky) * (1.0 + scatter * rng.normal(size=len(at))))
     assert parts is not None
     n = len(light[0])
     share = light[0] / (parts[0] + parts[1])
@@ -229,6 +231,33 @@ def test_a_clock_takes_no_noise_off_a_prediction(tmp_path: Path, minutes: float)
     inner = np.tile((np.arange(COUNT) >= 5) & (np.arange(COUNT) < COUNT - 5), len(DAYS))
     before, after = np.std((scene.readings.simulated / true)[inner]), np.std((moved / later)[inner])
     assert 0.85 * before < after < 1.3 * before
+
+
+@pytest.mark.parametrize("noise", [0.004, 0.009])
+def test_a_second_instruments_noise_is_found_and_is_no_clock(tmp_path: Path, noise: float) -> None:
+    """More than the readings state: what averages neighbours must not gain by it."""
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=0.0, noise=noise)))
+    assert np.median(predicted_noise(scene) / scene.readings.simulated) == pytest.approx(noise, rel=0.25)
+    search = Search(Fitter(scene), mechanisms=[BY_ID["clock-offset"]], conjectures=())
+    assert max(h.evidence for h in search.singles()) < search.nothing().evidence + 12.0
+
+
+def test_the_noise_of_a_model_is_what_readings_state(tmp_path: Path) -> None:
+    r = Readings.of(series(tmp_path / "case", per_root_min=0.0, noise=0.0))
+    assert predicted_noise(Scene(r)) == pytest.approx(np.sqrt(0.5) * r.noise)
+
+
+def test_of_four_readings_most_noise_is_taken_off() -> None:
+    """Two second differences are often large by chance: only much larger ones are a cloud's."""
+    t, rng = np.arange(4.0), np.random.default_rng(3)
+    noise = rng.normal(size=(500, 4))
+    kept = np.array([quiet(t, 100.0 + 2.0 * t + x, np.ones(4)) - 100.0 - 2.0 * t for x in noise])
+    inner = np.sqrt(np.mean(np.square((kept[:, 1:] + kept[:, :-1]) / 2.0)))
+    halfway = np.sqrt(np.mean(np.square((noise[:, 1:] + noise[:, :-1]) / 2.0)))
+    assert inner > 0.8 * halfway  # what is smooth already loses nothing more halfway between readings
+    assert np.sqrt(np.mean(np.square(np.diff(kept, n=2)))) < 0.45 * np.sqrt(6.0)
+    cloud = np.array([0.0, 0.0, -60.0, -60.0])
+    assert quiet(t, 100.0 + cloud, np.ones(4)) == pytest.approx(100.0 + cloud, abs=1.0)
 
 
 @pytest.mark.parametrize("minutes", [0.0, 0.4, -7.3, 20.0, 61.8, -179.9])
