@@ -15,7 +15,9 @@ from analysis.explain.series import unrest
 CLOUD = w.Wander(
     "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
 )
-SHUTTER = w.Wander("exposure-error", "luminance level", w.in_level, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"])
+SHUTTER = w.Wander(
+    "exposure-error", "luminance level", w.in_luminance, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"]
+)
 
 UNREST = w.Wander(
     "clock-offset",

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.explain.readings import GONIOMETER, SKY, Readings
+from analysis.explain.readings import GONIOMETER, ROOF, Readings
 
 _WIDE: Final = float(np.log(2.5))
 STRIDES: Final = (4, 2, 1)
@@ -123,4 +123,4 @@ pictures of one camera have in common."""
 def lattice_of(readings: Readings) -> Lattice:
     """The lattice for the kinds of channel that a case has."""
     kinds = set(readings.kind.tolist())
-    return BELOW if GONIOMETER in kinds else OF_THE_SKY if SKY in kinds else ON_THE_ROOF
+    return BELOW if GONIOMETER in kinds else ON_THE_ROOF if ROOF in kinds else OF_THE_SKY

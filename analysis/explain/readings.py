@@ -82,8 +82,15 @@ class Readings:
         return made._with_parts_of_tests()
 
     def _with_parts_of_tests(self) -> "Readings":
-        """Roof rows without parts get those that their test's global and diffuse illuminance tell."""
-        fill = (self.kind == ROOF) & np.isnan(self.sun)
+        """Roof rows without parts get those that their test's global and diffuse illuminance tell.
+
+        And a luminance that is read beside illuminances is the sky's.
+        """
+        bare = np.isnan(self.sun) & np.isnan(self.sky)
+        if np.any(self.kind == ROOF) and np.any(of_the_sky := bare & (self.kind == SKY)):
+            sun, sky = np.where(of_the_sky, 0.0, self.sun), np.where(of_the_sky, self.simulated, self.sky)
+            return replace(self, sun=sun, sky=sky)._with_parts_of_tests()
+        fill = bare & (self.kind == ROOF)
         if not np.any(fill):
             return self
         rows = self.only(fill)

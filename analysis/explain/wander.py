@@ -101,6 +101,12 @@ def in_level(scene: Scene, stops: float) -> Floats:
     )
 
 
+def in_luminance(scene: Scene, stops: float) -> Floats:
+    """The same of luminances alone."""
+    columns = np.where(scene.is_sky[:, None], in_level(scene, stops), 0.0)
+    return np.asarray(columns[:, np.any(columns, axis=0)])
+
+
 def _groups(scene: Scene) -> list[tuple[int, str]]:
     """Luminance channels one by one, goniometer and roof as a whole."""
     r = scene.readings

@@ -187,7 +187,7 @@ class Term:
 def terms_of(mechanism: Mechanism, scene: Scene) -> tuple[Term, ...]:
     """All the ways in which ``mechanism`` can act in ``scene``; roof meters also from some test on, or until one."""
     ways = tuple(Term(mechanism, b, mechanism.parameters_in(scene, b)) for b in mechanism.branches(scene))
-    if mechanism.stage is not Stage.ROOF_METERS or scene.kinds != ("roof",):
+    if mechanism.stage is not Stage.ROOF_METERS or not scene.on_the_roof:
         return ways
     return (*ways, *(_during(way, *state) for way in ways for state in _states(scene)))
 

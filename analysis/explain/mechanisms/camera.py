@@ -225,6 +225,12 @@ class ExposureError(CameraMechanism):
     tie_breaker = "the same bracket with exposures shifted by half a stop, or EXIF times"
     random = True
 
+    def why_not(self, scene: Scene) -> str:
+        """Luminances, of which some may be a camera's: beside illuminances it must be named."""
+        if scene.on_the_roof and not np.any(scene.is_camera):
+            return "there is no camera among the channels"
+        return super().why_not(scene)
+
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how large."""
         return (

@@ -210,9 +210,10 @@ class Saturation(Mechanism):
         return "for roof meters this is meter-range-limit" if scene.kinds == ("roof",) else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Forms of the end, for one kind of instrument."""
+        """Forms of the end, for one kind of instrument; not for roof meters."""
         forms = ("gradual", "exponential", "rounded", "clipped", "knee")
-        return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in _with_level(scene) for f in forms)
+        ways = [b for b in _with_level(scene) if not np.any(scene.is_roof & _acts(scene, b))]
+        return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in ways for f in forms)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Beyond a knee, something is left; a rounded end comes more or less suddenly."""

@@ -30,7 +30,7 @@ class Shaded(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """The sun's azimuth must be known, and a meter on the roof."""
-        return why_no_sun(scene) if scene.kinds == ("roof",) else "no meter is read on the roof alone"
+        return why_no_sun(scene) if scene.on_the_roof else "no meter is read on the roof alone"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter."""
