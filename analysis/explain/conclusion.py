@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.explain.families import UNREST
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
 from analysis.explain.search import Hypothesis
@@ -211,6 +212,17 @@ def traced(term: Term) -> bool:
     """Whether a term is a change of the lens that we simulated again; what the case brings is of its own lens."""
     path = term.branch.value
     return term.mechanism.like_a_lens and isinstance(path, Path) and not path.of_case
+
+
+def flattens(h: Hypothesis) -> bool:
+    """Whether a response that is not proportional only flattens towards bright light, as a range does that ends."""
+    at = np.cumsum([0, *(len(t.parameters) for t in h.fit.terms)])
+    return any(_is_bent(term) and h.fit.theta[k] < 0.0 for term, k in zip(h.fit.terms, at, strict=False))
+
+
+def _is_bent(term: Term) -> bool:
+    way = term.branch.value
+    return term.mechanism.id == Nonlinearity.id and isinstance(way, tuple) and way[1] == "bent"
 
 
 def of_the_case(term: Term) -> bool:

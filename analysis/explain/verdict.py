@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.special import expit
 
-from analysis.explain.conclusion import Conclusion, doubles, of_another_lens, of_the_case, temper, traced
+from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_the_case, temper, traced
 from analysis.explain.hypers import Hyper
+from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
@@ -16,6 +17,7 @@ from analysis.explain.thresholds import (
     EVEN_LEAST,
     EVEN_LENS,
     EVEN_READINGS,
+    FLATTENS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_STRONG,
@@ -42,6 +44,7 @@ from analysis.explain.thresholds import (
     UNNAMED_ALONE_ONE,
 )
 
+_ENDS = frozenset({"saturation", "meter-range-limit"})
 _GAINS = frozenset({"meter-gain", "channel-gain"})
 
 
@@ -190,7 +193,16 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
-    return {key: odds - LIKELIER * bool(found.unseen & set(key)) for key, odds in rivals.items()}
+    return {key: odds - LIKELIER * bool(found.unseen & set(key)) - _ends(found, key) for key, odds in rivals.items()}
+
+
+def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival, where one is a range that ends and the other flattens alike."""
+    bent = next((h for h in found.singles if h.ids == (Nonlinearity.id,)), None)
+    names = {found.best.first, *rival}
+    if bent is None or not flattens(bent) or len(rival) > 1 or not names & _ENDS or Nonlinearity.id not in names:
+        return 0.0
+    return FLATTENS if found.best.first in _ENDS else -FLATTENS
 
 
 def _takes_the_rest(found: Conclusion) -> bool:

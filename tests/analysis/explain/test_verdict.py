@@ -20,6 +20,7 @@ from analysis.explain.search import Hypothesis, Search
 from analysis.explain.thresholds import (
     AHEAD,
     DOUBTFUL,
+    FLATTENS,
     HOLDS_LAWS,
     LIKELIER,
     MISFIT_LENS,
@@ -107,6 +108,19 @@ def test_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
     assert seen.probability["sky-sun-ratio"] < unseen.probability["sky-sun-ratio"]
     alone = [_decided(arm, ("meter-tilt", 30.0), unseen=names).verdict for names in ((), ("meter-tilt",))]
     assert alone == ["explained", "unexplained"]
+
+
+@pytest.mark.parametrize(("bend", "odds"), [(-0.1, FLATTENS), (0.1, 0.0)])
+def test_a_response_that_flattens_is_a_range_that_ends(arm: Scene, bend: float, odds: float) -> None:
+    """Of two that do alike the end of a range is likelier, unless the response grows steeper."""
+    bent = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label.endswith("bent"))
+    curve = _hypothesis(arm, 300.0, "nonlinearity")
+    curve.fit.terms, curve.fit.theta = (bent,), np.array([bend])
+    end = _hypothesis(arm, 300.0, "saturation")
+    for first, second, sure in ((end, curve, odds), (curve, end, -odds)):
+        found = Conclusion(first, _hypothesis(arm, 0.0), [first, second])
+        decide(found, 1.0)
+        assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
 
 
 def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
