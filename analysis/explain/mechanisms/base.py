@@ -6,6 +6,7 @@ Several can act together; they are applied in the order of the chain, from the s
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -83,7 +84,8 @@ class Mechanism:
     that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
     formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``local_error`` (the same,
     from one direction to the next), ``like_a_lens`` (its effect looks like that of a lens simulated a little wrong,
-    which every lens is), ``modelled_twice`` (its ways are models of one and the same thing).
+    which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``in_one_test`` (on a roof
+    it may act in a single test).
     """
 
     id: ClassVar[str]
@@ -99,6 +101,7 @@ class Mechanism:
     local_error: ClassVar[float] = 0.0
     like_a_lens: ClassVar[bool] = False
     modelled_twice: ClassVar[bool] = False
+    in_one_test: ClassVar[bool] = False
 
     def why_not(self, scene: Scene) -> str:
         """Why this case cannot be tried for the mechanism; empty when it can."""
@@ -187,22 +190,42 @@ class Term:
 def terms_of(mechanism: Mechanism, scene: Scene) -> tuple[Term, ...]:
     """All the ways in which ``mechanism`` can act in ``scene``; roof meters also from some test on, or until one."""
     ways = tuple(Term(mechanism, b, mechanism.parameters_in(scene, b)) for b in mechanism.branches(scene))
-    if mechanism.stage is not Stage.ROOF_METERS or not scene.on_the_roof:
+    if not scene.on_the_roof or not (mechanism.stage is Stage.ROOF_METERS or mechanism.in_one_test):
         return ways
-    return (*ways, *(_during(way, *state) for way in ways for state in _states(scene)))
+    states = _states(scene) + (_single_tests(scene) if mechanism.in_one_test else [])
+    return (*ways, *(_during(way, *state) for way in ways for state in states))
 
 
-def _states(scene: Scene) -> list[tuple[str, frozenset[int], dict[str, float]]]:
-    """Stretches of the campaign that end or begin at a test, in the order of time (or of the case, without times).
+State = tuple[str, frozenset[int], dict[str, float]]
+"""What it is called, its tests, and when it began and ended [s since 1970], for cases with other tests."""
 
-    The facts give the instant [s since 1970] at which the state changed, for cases with other tests.
-    """
+
+def _in_order(scene: Scene) -> tuple[NDArray[np.int64], Floats]:
+    """The tests in the order of time (or of the case, without times), and when each test began [s since 1970]."""
     r = scene.readings
     present = np.unique(r.test)
     began = np.full(len(r.case.tests), np.nan)
     if r.has_times:
         began[present] = [r.utc_ns[r.test == k].min() / 1e9 for k in present]
         present = present[np.argsort(began[present])]
+    return present, began
+
+
+def _single_tests(scene: Scene) -> list[State]:
+    """Each test between others by itself."""
+    present, began = _in_order(scene)
+    states = []
+    for k, after in pairwise(present[1:]):
+        known = np.isfinite(began[k])
+        facts = {"from_utc_s": float(began[k]), "until_utc_s": float(began[after])} if known else {}
+        states.append((f"in {scene.readings.case.tests[k].id}", frozenset({int(k)}), facts))
+    return states
+
+
+def _states(scene: Scene) -> list[State]:
+    """Stretches of the campaign that end or begin at a test."""
+    r = scene.readings
+    present, began = _in_order(scene)
     states = []
     for cut in range(1, len(present)):
         name, at = r.case.tests[present[cut]].id, float(began[present[cut]])

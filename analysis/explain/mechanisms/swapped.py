@@ -24,6 +24,7 @@ class ChannelSwap(Mechanism):
     source = "records of channel a hold the readings of sensor b and the other way round"
     tie_breaker = "cover one sensor and see which channel goes dark"
     kinds = ("goniometer", "roof", "sky")
+    in_one_test = True
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """All pairs on the arm that look at different gammas; on the roof, of instruments that read different light."""

@@ -1,5 +1,6 @@
-"""Luminance meters on the roof that stand under each other's name."""
+"""Instruments on the roof that stand under each other's name."""
 
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -9,13 +10,15 @@ import pytest
 from analysis.cases import Case, write_case
 from analysis.cases.model import Records
 from analysis.explain.answer import answer
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.fit import Fitter
+from analysis.explain.mechanisms.base import in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mismatch import explain
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
+from analysis.explain.search import Search
 from tests.analysis.explain.campaign import Floats
-from tests.analysis.explain.roof import SKY_TESTS, luminance, sky_case, sky_setup, sun_of
+from tests.analysis.explain.roof import ROOF_TESTS, SKY_TESTS, luminance, roof_case, sky_case, sky_setup, sun_of
 
 ZENITH = np.array([0.0, 45.0, 45.0, 45.0, 45.0])
 AZIMUTH = np.array([0.0, 10.0, 100.0, 190.0, 280.0])
@@ -87,3 +90,38 @@ def test_what_cannot_show_is_not_tried(tmp_path: Path) -> None:
     camera = Scene(Readings.of(sky_case(tmp_path / "camera")))
     alike = Scene(Readings.of(tubes(tmp_path / "alike", predicted()[:, :, [0, 0, 0, 0, 0]], alike=True)))
     assert all(BY_ID["channel-swap"].why_not(scene) for scene in (camera, alike))
+
+
+def exchanged(folder: Path, test: int) -> Scene:
+    """A global and a shaded meter, exchanged in one of 22 tests."""
+    case = roof_case(folder, {})
+    r = case.records
+    shaded, here = r.channel == 1, r.test == test
+    simulated = np.where(shaded, r.sky, r.simulated)
+    noisy = simulated * (1.0 + 0.003 * np.random.default_rng(6).normal(size=len(r)))
+    measured = noisy.copy()
+    measured[here & shaded], measured[here & ~shaded] = noisy[here & ~shaded], noisy[here & shaded]
+    sun = np.where(shaded, 0.0, r.sun)
+    records = replace(r, simulated=simulated, measured=measured, sun=sun, uncertainty=0.003 * simulated)
+    return Scene(Readings.of(replace(case, records=records)))
+
+
+def test_meters_that_were_exchanged_in_one_test_are_named(tmp_path: Path) -> None:
+    scene = exchanged(tmp_path / "case", 7)
+    names = ("channel-swap", "meter-gain", "dark-offset")
+    best, *_ = Search(Fitter(scene), mechanisms=[BY_ID[name] for name in names], conjectures=()).singles()
+    (way,) = best.fit.terms
+    assert best.ids == ("channel-swap",) and way.tests == {7}
+    assert way.branch.label == f"velux and konica, in {ROOF_TESTS[7].id}"
+
+
+def test_an_exchange_of_one_test_is_none_at_other_times(tmp_path: Path) -> None:
+    """What is told of it is when it began and ended: in another case of the station it acts between the two."""
+    scene = exchanged(tmp_path / "case", 7)
+    ways = terms_of(BY_ID["channel-swap"], scene)
+    way = next(w for w in ways if w.tests == {7})
+    whole = next(w for w in ways if w.tests is None)
+    again = in_its_state(whole, scene, way.branch.label, way.branch.facts)
+    assert again.tests == {7}
+    late = {key: value + 30 * 86400.0 for key, value in way.branch.facts.items()}
+    assert in_its_state(whole, scene, way.branch.label, late).tests == frozenset()
