@@ -7,9 +7,10 @@ from analysis.explain.alone import odd_readings
 from analysis.explain.conclusion import Conclusion, Unnamed, doubles
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
-from analysis.explain.search import Hypothesis, Search
+from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     ALIKE,
     BASES,

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.explain.families import UNREST
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
-from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     DOUBLES,
     IMITATION,

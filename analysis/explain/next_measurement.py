@@ -11,9 +11,9 @@ import numpy as np
 
 from analysis.explain.conclusion import Conclusion
 from analysis.explain.fit import Fitter
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, predict
 from analysis.explain.scene import Scene
-from analysis.explain.search import Hypothesis
 
 _WORTH = 1.0  # nats: a test that separates by less is not worth its time
 

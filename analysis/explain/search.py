@@ -6,7 +6,7 @@ best singles, and accepted only with evidence to spare; likewise a third.
 
 from collections.abc import Callable, Iterable
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -14,13 +14,15 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.abreast import abreast
-from analysis.explain.families import UNREST, evenly_restless
+from analysis.explain.families import UNREST
 from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, without
 from analysis.explain.form_error import form_error
 from analysis.explain.hypers import STRIDES
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.restless import SHOWN_ITSELF, restless
 from analysis.explain.wander import Wander
 
 X = TypeVar("X")
@@ -38,50 +40,6 @@ _LARGER = (1.0, 4.0)
 """Fits with the error of a form begin at so many times the change that was found without."""
 _BY_CHANGE = 8.0
 """What a change must tell by itself [nats] where its form's error is allowed for."""
-_SHOWN_ITSELF = 8.0
-"""What a clock's offset must gain [nats] before the scatter under cloud tells its size. (On another author's roofs
-two clocks that had less were none; right ones had 80 and more.)"""
-_AS_FAR, _FARTHEST = (1.0, 4.0, 0.6), (5.0, 20.0, 3.0)
-"""Usual and largest offset of a clock, over that of which a random walk would leave the scatter that is there; four
-times as much up to so many minutes, for where readings follow each other fast the offset itself takes most of the
-scatter. (On another author's roofs clocks .6 min off left as little as .06 min would.)"""
-
-
-@dataclass
-class Hypothesis:
-    """Mechanisms together, with their evidence.
-
-    Attributes
-    ----------
-    fit
-        The fit of the parametric mechanisms (may be none).
-    wanders
-        Random effects in it, with amplitude and length that carry most of the evidence.
-    evidence
-        Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
-    tied
-        Mechanisms added to others, and what could stand in their place.
-    added_to
-        The mechanism that all others were added to; empty where there are no others.
-    """
-
-    fit: Fit
-    evidence: float
-    wanders: tuple[tuple[Wander, float, float], ...] = ()
-    ways: list[Fit] = field(default_factory=list)
-    tied: tuple[tuple[str, str], ...] = ()
-    added_to: str = ""
-
-    @property
-    def first(self) -> str:
-        """Id of the mechanism that was there before others."""
-        return self.added_to or next(iter(self.ids), "")
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Ids of its catalogue mechanisms."""
-        random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
-        return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
 
 
 class Search:
@@ -145,37 +103,10 @@ class Search:
         fits = dict(zip(fits, allowed, strict=True))
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.on_the_roof:
-            found += [h for h in map(self._restless, found[:]) if h is not None]
+            shown = nothing + SHOWN_ITSELF
+            clocks = [h for h in found if h.ids == (UNREST.name,) and h.evidence > shown]
+            found += [h for h in (restless(self.fitter, self._terms[UNREST.name]) for _ in clocks) if h is not None]
         return sorted(found, key=lambda h: -h.evidence)
-
-    def _restless(self, clock: Hypothesis) -> Hypothesis | None:
-        """A clock's offset with what broken cloud did in the meantime; it stands beside the offset alone.
-
-        The scatter that an offset leaves under cloud says how long it was: the offset's prior follows its size. Two
-        instruments that stand apart scatter so, too: the offset itself must show a little.
-        """
-        if clock.ids != (UNREST.name,) or clock.evidence - self.nothing().evidence < _SHOWN_ITSELF:
-            return None
-        made = []
-        for root_min in UNREST.amplitudes:
-            extra = (UNREST.extra(self.scene, root_min, 1.0),)
-            for way in self._terms[UNREST.name]:
-                about = root_min**2
-                usual, far = (max(x * about, min(y * about, most)) for x, y, most in (_AS_FAR, _FARTHEST))
-                p = replace(way.parameters[0], low=-far, high=far, sigma=usual, starts=(-usual, usual))
-                for start in p.starts:
-                    fit = self.fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
-                    self.fitter.weigh([fit], extra)
-                    made.append(Hypothesis(fit, fit.log_evidence, ((UNREST, root_min, 1.0),)))
-        logs = np.array([h.evidence for h in made])
-        best = max(made, key=lambda h: h.evidence)
-        if not evenly_restless(self.scene, best.fit.residual, best.wanders[0][1]):
-            return None
-        off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
-        shares = np.exp(logs - np.logaddexp.reduce(logs))
-        sizes = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
-        best.fit.spread = np.array([[float(shares @ (off**2 + sizes**2))]])  # and earlier or later is often left open
-        return replace(best, evidence=float(np.logaddexp.reduce(logs) - np.log(len(made))))
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
         """Fit a mechanism's most promising ways."""

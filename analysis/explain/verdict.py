@@ -5,8 +5,8 @@ from scipy.special import expit
 
 from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_the_case, temper, traced
 from analysis.explain.hypers import Hyper
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.sensors import Nonlinearity
-from analysis.explain.search import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,

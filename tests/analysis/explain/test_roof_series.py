@@ -13,6 +13,7 @@ from analysis.cases.model import CaseFile, Records
 from analysis.explain.answer import answer
 from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import Fit, Fitter
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sluggish import low_passed
@@ -21,7 +22,7 @@ from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
-from analysis.explain.search import Hypothesis, Search
+from analysis.explain.search import Search
 from analysis.explain.series import predicted_noise, quiet, unrest
 from analysis.explain.sky_flux import ABOUT_DEG, RINGS_DEG, SkyFlux, _flux
 from tests.analysis.explain.campaign import SITE, Floats

@@ -11,12 +11,13 @@ from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, te
 from analysis.explain.families import SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
-from analysis.explain.search import Hypothesis, Search
+from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     AHEAD,
     DOUBTFUL,

@@ -1,0 +1,43 @@
+"""What is weighed: mechanisms that may act together, with the evidence for them."""
+
+from dataclasses import dataclass, field
+
+from analysis.explain.fit import Fit
+from analysis.explain.wander import Wander
+
+
+@dataclass
+class Hypothesis:
+    """Mechanisms together, with their evidence.
+
+    Attributes
+    ----------
+    fit
+        The fit of the parametric mechanisms (may be none).
+    wanders
+        Random effects in it, with amplitude and length that carry most of the evidence.
+    evidence
+        Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
+    tied
+        Mechanisms added to others, and what could stand in their place.
+    added_to
+        The mechanism that all others were added to; empty where there are no others.
+    """
+
+    fit: Fit
+    evidence: float
+    wanders: tuple[tuple[Wander, float, float], ...] = ()
+    ways: list[Fit] = field(default_factory=list)
+    tied: tuple[tuple[str, str], ...] = ()
+    added_to: str = ""
+
+    @property
+    def first(self) -> str:
+        """Id of the mechanism that was there before others."""
+        return self.added_to or next(iter(self.ids), "")
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of its catalogue mechanisms."""
+        random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
+        return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
