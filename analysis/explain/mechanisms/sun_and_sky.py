@@ -23,7 +23,7 @@ class SkySunRatio(Mechanism):
     parameters = (
         Parameter("diffuse_change", "1", "relative change of the diffuse illuminance", -0.6, 1.0, 0.2, (-0.15, 0.15)),
     )
-    needs = "sun and sky parts apart; global and diffuse illuminance of each test"
+    needs = "sun and sky parts apart; of an arm, global and diffuse illuminance of each test; on a roof, a shaded meter"
     source = (
         "D' = D(1+s); where a shading disc hides more or less than the sun, D' = D + sB, or D' = D(1 + sa), a the "
         "share of Perez' sky about the sun; B' = G - D'; report chapters 5 and 8 (the +10 % rule); Blanc et al. 2014, "
