@@ -21,8 +21,7 @@ from analysis.explain.abreast import abreast
 from analysis.explain.families import SIZES
 from analysis.explain.fit import MIDDLE, Extra, Fit
 from analysis.explain.form_error import locally_wrong
-from analysis.explain.lens_error import steepness
-from analysis.explain.pointing_error import sky_steepness
+from analysis.explain.pointing_error import steepness
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.wander import Wander
@@ -95,9 +94,7 @@ def _odd(search: Search, fit: Fit, extra: tuple[Extra, ...], edge_deg: float = 0
     """Rows that are far from what all others say of them, the oddest first."""
     scene, whitener = search.scene, search.fitter.whitener(fit.hyper, extra)
     precision = whitener.squares(np.eye(len(scene.readings)))
-    wrong = (edge_deg * (steepness(scene) + sky_steepness(scene))) ** 2 + locally_wrong(
-        scene, fit.terms, fit.theta
-    ) ** 2
+    wrong = (edge_deg * steepness(scene)) ** 2 + locally_wrong(scene, fit.terms, fit.theta) ** 2
     deviation = np.abs(whitener.weights(fit.residual)) / precision / np.sqrt(1.0 / precision + wrong)
     oddest = np.argsort(-deviation)[: max(int(_FEW * len(deviation)), 1)]
     return np.asarray(oddest[deviation[oddest] > ODD])

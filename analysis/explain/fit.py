@@ -15,11 +15,11 @@ from scipy.stats import norm
 from analysis.cases.model import Floats
 from analysis.explain.air_error import air_error_effects, errors_of_all_days
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
-from analysis.explain.lens_error import lens_error_effects, steepness
+from analysis.explain.lens_error import lens_error_effects
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import Nuisance
 from analysis.explain.parameter import Parameter
-from analysis.explain.pointing_error import pointing_errors, sky_steepness
+from analysis.explain.pointing_error import pointing_errors, steepness
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
 from analysis.explain.whitening import Factored, Solved, Whitener
@@ -104,8 +104,7 @@ class Fitter:
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
         usual = np.concatenate([scene.remember(pointing_errors), errors_of_all_days(scene)], axis=1)
-        steep = steepness(scene) + sky_steepness(scene)
-        self.nuisance = nuisance or Nuisance(scene.readings, effects, steep, scene.alone, usual)
+        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), scene.alone, usual)
         self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}

@@ -110,7 +110,7 @@ def _changes(scene: Scene) -> Floats:
     return np.stack([shapes[name] for name in SIZES if name in shapes])
 
 
-def steepness(scene: Scene) -> Floats:
+def arm_steepness(scene: Scene) -> Floats:
     """Change of each row's prediction per degree, on the stretched scale; shape (N,), zero but for goniometer rows."""
     return scene.remember_rows(_steepness)
 

@@ -27,7 +27,8 @@ GAIN_OF_TESTS: Final = 0.03
 GAIN_OF_SENSORS: Final = 0.012
 GAIN_OF_METERS: Final = 0.006
 POINTING_DEG: Final = 0.14
-"""Usual error of direction from record to record: of the arm, and of the grid between whose nodes a prediction lies."""
+"""Usual error of direction from record to record: of the arm or a camera, and of the grid between whose nodes a
+prediction lies."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.lens_error import arm_steepness
 from analysis.explain.scene import Scene
 from analysis.explain.sky_shape import tilted, towards, turned
 
@@ -35,3 +36,8 @@ def sky_steepness(scene: Scene) -> Floats:
     The three axes together are two directions at right angles, wherever one looks.
     """
     return np.asarray(np.linalg.norm(scene.remember(pointing_errors), axis=1) / USUAL_DEG)
+
+
+def steepness(scene: Scene) -> Floats:
+    """Change of each row's prediction per degree, of an arm and of the sky, on the stretched scale; (N,)."""
+    return arm_steepness(scene) + sky_steepness(scene)

@@ -79,18 +79,18 @@ class Readings:
             sun=(records.sun * factor)[keep],
             sky=(records.sky * factor)[keep],
         )
-        return made._with_parts_of_tests()
+        return made._with_skys_luminances()._with_parts_of_tests()
+
+    def _with_skys_luminances(self) -> "Readings":
+        """Luminances without parts that are read beside illuminances are the sky's."""
+        bare = (self.kind == SKY) & np.isnan(self.sun) & np.isnan(self.sky)
+        if not np.any(self.kind == ROOF) or not np.any(bare):
+            return self
+        return replace(self, sun=np.where(bare, 0.0, self.sun), sky=np.where(bare, self.simulated, self.sky))
 
     def _with_parts_of_tests(self) -> "Readings":
-        """Roof rows without parts get those that their test's global and diffuse illuminance tell.
-
-        And a luminance that is read beside illuminances is the sky's.
-        """
-        bare = np.isnan(self.sun) & np.isnan(self.sky)
-        if np.any(self.kind == ROOF) and np.any(of_the_sky := bare & (self.kind == SKY)):
-            sun, sky = np.where(of_the_sky, 0.0, self.sun), np.where(of_the_sky, self.simulated, self.sky)
-            return replace(self, sun=sun, sky=sky)._with_parts_of_tests()
-        fill = bare & (self.kind == ROOF)
+        """Roof rows without parts get those that their test's global and diffuse illuminance tell."""
+        fill = (self.kind == ROOF) & np.isnan(self.sun)
         if not np.any(fill):
             return self
         rows = self.only(fill)

@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.abreast import abreast
+from analysis.explain.clock_under_cloud import SHOWN_ITSELF, clock_under_cloud
 from analysis.explain.families import UNREST
 from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, without
 from analysis.explain.form_error import form_error
@@ -22,7 +23,6 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
-from analysis.explain.restless import SHOWN_ITSELF, restless
 from analysis.explain.wander import Wander
 
 X = TypeVar("X")
@@ -103,9 +103,9 @@ class Search:
         fits = dict(zip(fits, allowed, strict=True))
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.on_the_roof:
-            shown = nothing + SHOWN_ITSELF
-            clocks = [h for h in found if h.ids == (UNREST.name,) and h.evidence > shown]
-            found += [h for h in (restless(self.fitter, self._terms[UNREST.name]) for _ in clocks) if h is not None]
+            shown = any(h.ids == (UNREST.name,) and h.evidence >= nothing + SHOWN_ITSELF for h in found)
+            clock = clock_under_cloud(self.fitter, self._terms[UNREST.name]) if shown else None
+            found += [] if clock is None else [clock]
         return sorted(found, key=lambda h: -h.evidence)
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:

@@ -21,7 +21,7 @@ times as much up to so many minutes, for where readings follow each other fast t
 scatter. (On another author's roofs clocks .6 min off left as little as .06 min would.)"""
 
 
-def restless(fitter: Fitter, ways: tuple[Term, ...]) -> Hypothesis | None:
+def clock_under_cloud(fitter: Fitter, ways: tuple[Term, ...]) -> Hypothesis | None:
     """A clock's offset, in any of its ways, with what broken cloud did in the meantime; it stands beside it alone.
 
     The offset's prior follows the size of the scatter. ``None`` where the scatter is that of few readings: a shadow's.
