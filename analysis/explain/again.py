@@ -89,7 +89,7 @@ def _sorted_out(
             settings.append((system, *_setting(name, float(p[0]), term.branch.label)))
             ids.append(term.mechanism.id)
             continue
-        if term.mechanism.id == "room-interreflection":
+        if term.mechanism.id == "room-interreflection" and not isinstance(term.branch.value, Path):
             term = replace(term, mechanism=_Radiosity())
             ids.append("room-interreflection")
         kept.append(term)

@@ -20,6 +20,7 @@ from analysis.explain.shared_error import SharedError
 from labdaq.errors import DataError
 
 _SIMULATED = {
+    "circumsolar-aureole",
     "lens-haze",
     "soiling",
     "lens-anisotropy",
@@ -137,7 +138,7 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
         found = _of_label(entry, ways)
         if not found and mechanism.id in _SIMULATED:
             # a re-simulation is named after where it came from; the same setting of another origin serves as well
-            found = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
+            found = _of_settings(entry, ways)
     if not found:
         raise DataError(
             f"{mechanism.id} ({entry['way']}) cannot be applied to this case: {because or 'it has no such way'}",
@@ -158,6 +159,15 @@ def _of_label(entry: dict[str, Any], ways: tuple[Term, ...]) -> list[Term]:
     for system in entry.get("only", []):
         labels += [entry["way"].removesuffix(f", {system} only"), entry["way"].replace(system, "every system", 1)]
     return next(([t] for label in labels for t in ways if t.branch.label == label), [])
+
+
+def _of_settings(entry: dict[str, Any], ways: tuple[Term, ...]) -> list[Term]:
+    """Ways with the same settings, of the same system first where one alone was changed."""
+    found = [t for t in ways if [p.name for p in t.parameters] == entry["names"]]
+    only = entry.get("only", [])
+    return sorted(
+        found, key=lambda t: not any(t.branch.label == n or t.branch.label.endswith(f", {n} only") for n in only)
+    )
 
 
 def _in_state(entry: dict[str, Any], scene: Scene, ways: tuple[Term, ...]) -> list[Term]:

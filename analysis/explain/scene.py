@@ -13,10 +13,11 @@ from analysis.cases.model import Floats, Goniometer
 from analysis.explain.fields import Fields, fields_of
 from analysis.explain.file_parts import readings_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
-from analysis.explain.retrace import Retraced, Simulator, retraced_of
+from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.sampler import Sampler
 from analysis.explain.sky_flux import SkyFlux
 from analysis.explain.sky_shape import SkyShape
+from analysis.explain.variants import retraced_of
 from labdaq import directions
 
 _TRUST = (0.2, 5.0)  # how far a record's own prediction may differ from the field read at its direction

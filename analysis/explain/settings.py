@@ -15,7 +15,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
 from analysis.explain.ratios import Field, over, ratio
-from analysis.explain.retrace import Path
+from analysis.explain.retrace import Path, by_system
 from analysis.explain.tracing import (
     DEPTHS,
     DIFFUSE_SHARES,
@@ -70,29 +70,9 @@ def _each(work: Callable[[X], Field], items: Iterable[X]) -> list[Field]:
 
 def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
     """Each path for all systems together, and for each system that it changes alone."""
+    tests = {name: [k for k, _ in days] for name, days in traced.days.items()}
     for path in paths:
-        touched = [n for n in traced.days if _changes(traced, path, n)]
-        if touched:
-            yield path
-        if len(touched) > 1:
-            yield from (_alone(traced, path, name) for name in touched)
-
-
-def _changes(traced: Tracing, path: Path, name: str) -> bool:
-    rows, same = [k for k, _ in traced.days[name]], 0.0 if path.added else 1.0
-    return any(bool(np.any(np.abs(part[:, rows] - same) > 1e-3)) for part in (path.sun, path.sky))
-
-
-def _alone(traced: Tracing, path: Path, name: str) -> Path:
-    mine = np.zeros(len(traced.case.tests), dtype=bool)
-    mine[[k for k, _ in traced.days[name]]] = True
-    keep, same = mine[None, :, None, None], 0.0 if path.added else 1.0
-    return dataclasses.replace(
-        path,
-        label=f"{path.label}, {name} only",
-        sun=np.where(keep, path.sun, same),
-        sky=np.where(keep, path.sky, same),
-    )
+        yield from by_system(path, tests)
 
 
 def _along(

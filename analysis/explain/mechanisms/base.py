@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
 _KEPT = 8  # lights after the first terms, some megabytes each
@@ -60,6 +61,11 @@ class Branch:
     label: str = ""
     value: Any = None
     facts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def of_case(self) -> bool:
+        """Whether the case brings the change itself, as a variant of its own simulation."""
+        return isinstance(self.value, Path) and self.value.of_case
 
 
 Reported = dict[str, dict[str, float | str]]

@@ -1,6 +1,7 @@
 """The catalogue: every mechanism labdaq knows, in the order of the chain."""
 
 from analysis.explain.mechanisms import (
+    aureole,
     camera,
     dirt,
     glare,
@@ -19,7 +20,7 @@ from analysis.explain.mechanisms.base import Mechanism
 
 CATALOGUE: tuple[Mechanism, ...] = (
     sun_and_sky.SkySunRatio(),
-    sun_and_sky.CircumsolarAureole(),
+    aureole.CircumsolarAureole(),
     sun_and_sky.CloudDrift(),
     lens.LensHaze(),
     lens.LensAnisotropy(),

@@ -5,7 +5,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage
-from analysis.explain.mechanisms.retraced import NO_VARIANT, OF_CASE, Retraced, systems_on_the_arm
+from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
@@ -113,7 +113,7 @@ class LensAnisotropy(Retraced):
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens has other prisms than the one that was traced; the case's own variants have the same."""
-        return super().size_error_in(scene, branch) if branch.value.of_case else IMAGES_OF_SIZE
+        return super().size_error_in(scene, branch) if branch.of_case else IMAGES_OF_SIZE
 
 
 class LensOrientation(Retraced):
@@ -159,9 +159,7 @@ class LensOrientation(Retraced):
         return (*super().branches(scene), *image, *whole)
 
     def local_error_in(self, scene: Scene, branch: Branch) -> float:
-        """Another lens sends its images elsewhere than the one that was traced; the case's own hardly does."""
-        if isinstance(branch.value, Path) and branch.value.of_case:
-            return OF_CASE
+        """Another lens sends its images elsewhere than the one that was traced."""
         moves_images = isinstance(branch.value, Path) or branch.value.startswith("all:")
         return _OTHER_LENS if moves_images and np.any(scene.is_gonio) else 0.0
 

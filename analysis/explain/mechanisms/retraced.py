@@ -9,14 +9,9 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism
 from analysis.explain.parameter import Parameter
-from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
 NO_VARIANT = "the case brings no variant for it and does not describe its systems well enough to simulate one"
-
-OF_CASE = 0.15
-"""Local error of a change that the case's own variants show. (On another author's cases such changes of a lens were the
-true ones to 20 % rms: they correlated by .98, ours by .2 to .4.)"""
 
 
 class Retraced(Mechanism):
@@ -35,11 +30,6 @@ class Retraced(Mechanism):
         if scene.retraced is None:
             return ()
         return tuple(Branch(path.label, path) for path in scene.retraced.paths(self.id))
-
-    def local_error_in(self, scene: Scene, branch: Branch) -> float:
-        """Less where the case brings the change: there the lens is the prediction's own."""
-        usual = super().local_error_in(scene, branch)
-        return min(usual, OF_CASE) if isinstance(branch.value, Path) and branch.value.of_case else usual
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Each path says what its position means."""

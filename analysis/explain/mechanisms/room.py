@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
 from analysis.explain.roomlight import RoomLight, room_light
 from analysis.explain.scene import Light, Scene
@@ -16,7 +17,7 @@ def _room(size_m: tuple[float, float, float], distance_m: float, half_angle_deg:
     return room_light(size_m, distance_m, half_angle_deg)
 
 
-class RoomInterreflection(Mechanism):
+class RoomInterreflection(Retraced):
     """Floor and walls send back a little of what falls on them."""
 
     id = "room-interreflection"
@@ -33,13 +34,28 @@ class RoomInterreflection(Mechanism):
     )
     tie_breaker = "a scan with the skylight covered (the room's light vanishes with it), or a white card on the floor"
 
+    form_error = Mechanism.form_error
+
     def why_not(self, scene: Scene) -> str:
-        """The bounce needs the room's size and where the sensors are."""
+        """The bounce needs the room's size and where the sensors are, or a variant."""
+        known = self.branches(scene)
+        return super().why_not(scene) if known else "the case does not describe the room and the goniometer"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """In closed form, and as the case's own variants have it."""
         setup = scene.readings.case.setup
-        return "" if setup.room and setup.goniometer else "the case does not describe the room and the goniometer"
+        closed = (Branch(),) if setup.room and setup.goniometer else ()
+        return (*closed, *super().branches(scene))
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """The closed form has both reflectances."""
+        return super().parameters_in(scene, branch) if branch.value else self.parameters
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Add the room's light, lit by the fields as changed so far."""
+        if branch.value:
+            super().illuminate(scene, light, p, branch)
+            return
         setup = scene.readings.case.setup
         assert setup.room is not None
         assert setup.goniometer is not None
@@ -50,6 +66,8 @@ class RoomInterreflection(Mechanism):
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say which reflectances."""
+        if branch.value:
+            return super().statement(p, branch)
         return (
             f"Light bounced off the room's walls (reflectance {p[0]:.3f}) and floor ({p[1]:.3f}) reaches the sensors; "
             "the simulation had a black room."

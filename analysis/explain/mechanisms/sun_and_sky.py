@@ -3,8 +3,7 @@
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.geometry import blurred
-from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
+from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
@@ -96,63 +95,6 @@ def beam_behind_disc(scene: Scene) -> Floats:
             one, shaded = one[np.argsort(r.utc_ns[one])], rows[~sees]
             found[shaded] = np.interp(r.utc_ns[shaded], r.utc_ns[one], r.sun[one])
     return found
-
-
-_LEAST_WIDE_DEG = 2.0
-_SPREAD, _AGAIN = "spread", "again"
-
-
-class CircumsolarAureole(Mechanism):
-    """Part of the beam comes from a wide aureole round the disc."""
-
-    id = "circumsolar-aureole"
-    stage = Stage.SUN_AND_SKY
-    leaves_out = (
-        "Part of the sun's light comes from a bright aureole round the disc; the simulation had the disc alone."
-    )
-    parameters = (
-        Parameter("fraction", "1", "share of the beam that comes from the aureole", 0.0, 1.0, 0.25, (0.1, 0.4)),
-        Parameter(
-            "width_deg", "deg", "rms half width of the aureole", _LEAST_WIDE_DEG, 14.0, 3.5, (4.0, 9.0), centre=6.0
-        ),
-    )
-    needs = "sun and sky parts apart"
-    source = "S -> (1-k) S + k (S * Gaussian of the width); Blanc et al. 2014, Solar Energy 110 (circumsolar review)"
-    tie_breaker = "a picture of the sun's surroundings through a small shading disc"
-    form_error = 0.2
-    local_error = 0.3  # where a lens sends the light about the sun, it decides
-    like_a_lens = True
-
-    def why_not(self, scene: Scene) -> str:
-        """The aureole belongs to the sun part."""
-        return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
-
-    def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """What a lens makes of the sun's surroundings; the prediction's own images spread where no lens can be traced.
-
-        Images spread are also what any lens makes that scatters more than the one simulated. (In the own trial all five
-        names told by them were wrong, four of them where the lens traced under an aureole gained nothing; all five told
-        by that were right.)
-        """
-        again = scene.retraced is not None and scene.retraced.aureole(_LEAST_WIDE_DEG) is not None
-        return (Branch("simulated again", _AGAIN),) if again else (Branch("images spread", _SPREAD),)
-
-    def size_error_in(self, scene: Scene, branch: Branch) -> float:
-        """A lens that spreads light itself hides a part of an aureole, another part than the one that was traced."""
-        return IMAGES_OF_SIZE
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Blur the sun part by the aureole, on the outgoing sphere or by re-simulation."""
-        ratio = scene.retraced.aureole(float(p[1])) if scene.retraced and branch.value == _AGAIN else None
-        wide = blurred(light.sun, float(p[1])) if ratio is None else light.sun * ratio
-        light.sun = light.sun + p[0] * (wide - light.sun)
-
-    def statement(self, p: Floats, branch: Branch) -> str:
-        """Say how wide."""
-        return (
-            f"{p[0]:.0%} of the sun's light comes from an aureole about {p[1]:.0f}° wide; the "
-            "simulation had the disc alone."
-        )
 
 
 class CloudDrift(Mechanism):

@@ -75,7 +75,8 @@ class ClockOffset(Mechanism):
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Images that are not as sharp as simulated seem to move less."""
-        return IMAGES_OF_SIZE if np.any(scene.is_gonio) else super().size_error_in(scene, branch)
+        moved = np.any(scene.is_gonio) and not branch.of_case
+        return IMAGES_OF_SIZE if moved else super().size_error_in(scene, branch)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""

@@ -3,8 +3,8 @@
 import pytest
 
 from analysis.explain.readings import Readings
-from analysis.explain.retrace import retraced_of
 from analysis.explain.scene import Scene
+from analysis.explain.variants import retraced_of
 from tests.analysis.explain.campaign import NONE, make_case
 from tests.analysis.explain.roof import roof_case, sky_case
 

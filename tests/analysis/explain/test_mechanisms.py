@@ -3,24 +3,18 @@
 import dataclasses
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.cases import Case
 from analysis.explain import retrace
-from analysis.explain.apply import Model, apply_model
 from analysis.explain.mechanisms.base import FORM_OF_SIZE, IMAGES_OF_SIZE, Branch, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
-from analysis.explain.retrace import retraced_of
 from analysis.explain.scene import Scene
-from analysis.photometry import Distribution
-from analysis.photometry.lm63 import FileGeneration, render_lm63
 from analysis.sky.perez import PerezSky
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import NONE, TESTS, Floats, Truth, columns, light, make_case, rows_of, sun_part
+from tests.analysis.explain.campaign import TESTS, Floats, Truth, light, rows_of
 from tests.analysis.explain.roof import (
     ROOF_TESTS,
     SKY_TESTS,
@@ -118,50 +112,6 @@ def test_effects_act_together_in_the_order_of_the_chain(arm: Scene) -> None:
     assert np.max(np.abs(made - exact) / exact) < 0.2 * 40.0 / exact.min() + 0.01
     elsewhere = ROWS.gamma_deg != 25.0
     assert np.max(np.abs(made - exact)[elsewhere] / exact[elsewhere]) < 0.01
-
-
-VARIANT = "case's variants of rotation_deg, counter-clockwise"
-
-
-def case_with_a_variant(folder: Path) -> Case:
-    """A case that brings its sun images turned by 20 degrees."""
-    gamma, c = np.arange(0.0, 90.1, 2.5), np.arange(0.0, 360.1, 5.0)
-    files, change = {}, {}
-    for t in TESTS:
-        candela = sun_part(t, gamma[None, :], c[:, None] - 20.0)
-        candela[-1] = candela[0]
-        name = f"simulated/turned-{t.id}.ies"
-        keywords = {"TEST": "x", "TESTLAB": "x", "ISSUEDATE": "x", "MANUFAC": "x"}
-        files[name] = render_lm63(Distribution(gamma, c, candela, keywords), generation=FileGeneration.SIMULATED)
-        change[t.id] = {"sun": name, "sky": f"simulated/{t.id}-sky.ies"}
-    variant = {"mechanism": "lens-orientation", "setting": {"rotation_deg": 20.0}, "simulated": change}
-    return make_case(folder, flaws=NONE, change={"variant": [variant]}, more=files)
-
-
-def test_a_variant_of_the_case_is_reached_in_full(tmp_path: Path) -> None:
-    """Half way along the case's own re-simulation lies half of its change; at its end, the variant itself."""
-    case = case_with_a_variant(tmp_path / "case")
-    scene = Scene(Readings.of(case), retraced_of(case))
-    made = acted(scene, "lens-orientation", VARIANT, 20.0)
-    exact = effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0) + effects._sky(ROWS)
-    # between planes of 5° both images are read linearly (1 %); a ratio is limited where the image was 50 times weaker
-    within = effects._sun(ROWS) > 0.02 * effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0)
-    assert np.max(np.abs(made / exact - 1.0)[within]) < 0.02
-    half = acted(scene, "lens-orientation", VARIANT, 10.0)
-    assert half == pytest.approx((made + BASE) / 2.0, rel=1e-9)
-
-
-def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) -> None:
-    class Busy:
-        def __getattr__(self, name: str) -> Any:
-            raise AssertionError(f"{name} was asked for")
-
-    case = case_with_a_variant(tmp_path / "case")
-    entry = {"id": "lens-orientation", "way": VARIANT, "names": ["rotation_deg"], "theta": [20.0], "sd": [1.0]}
-    busy: Any = Busy()
-    text = apply_model(Model((entry | {"facts": {}},)), case, busy)
-    scene = Scene(Readings.of(case), retraced_of(case))
-    assert columns(text, "corrected")[0] == pytest.approx(acted(scene, "lens-orientation", VARIANT, 20.0), rel=1e-6)
 
 
 # the roof

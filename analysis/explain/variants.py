@@ -1,0 +1,227 @@
+"""The case's own variants, as paths of settings: the same simulation run again with one thing changed."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from analysis.cases import Case
+from analysis.cases.model import Floats, Variant
+from analysis.explain.fields import Fields, fields_of, from_files
+from analysis.explain.parameter import Parameter
+from analysis.explain.readings import Readings
+from analysis.explain.retrace import Path, Retraced, Simulator, by_system
+
+_BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
+_RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
+_AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
+_WALLS = "wall-reflectance"
+_ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
+_OF_A_SYSTEM: Final = frozenset(
+    {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
+)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One variant as what it changes: its setting's place if that is one number, and both parts over the baseline's."""
+
+    value: float | None
+    sun: Floats
+    sky: Floats
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What variants must have in common to lie on one path."""
+
+    mechanism: str
+    key: str
+    held: tuple[tuple[str, float], ...]
+    systems: frozenset[str]
+
+    @property
+    def label(self) -> str:
+        held = "".join(f", {key} = {value:g}" for key, value in self.held)
+        return self.key + held
+
+
+def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
+    """Read the case's variants; ``simulator`` supplies what they do not."""
+    if not case.setup.variant:
+        return Retraced({}, simulator)
+    base = fields_of(Readings.of(case, measured_only=False))
+    kinds: dict[_Kind, list[_Run]] = {}
+    for variant in case.setup.variant:
+        kind, value = _setting(case, variant)
+        kinds.setdefault(kind, []).append(_Run(value, *_ratio(case, base, variant)))
+    tests: dict[str, list[int]] = {}
+    for k, test in enumerate(case.tests):
+        tests.setdefault(test.system or "", []).append(k)
+    paths: dict[str, tuple[Path, ...]] = {}
+    walls: dict[str, Path] = {}
+    for kind, runs in (*kinds.items(), *_together(kinds)):
+        alone = next(iter(kind.systems)) if len(kind.systems) == 1 < len(tests) else ""
+        for path in _paths(case, kind, runs):
+            named = replace(path, label=f"{path.label}, {alone} only") if alone else path
+            apart = kind in kinds and kind.mechanism in _OF_A_SYSTEM
+            ways = by_system(named, tests) if apart else (named,)
+            paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), *ways)
+            if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
+                walls[alone] = path
+    if len(walls) == len(tests) > 1:
+        paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
+    return Retraced(paths, simulator)
+
+
+def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
+    """What was run for each system apart with the same settings, as one run of all (walls start from their own)."""
+    alike: dict[_Kind, list[_Kind]] = {}
+    for kind in kinds:
+        if kind.mechanism != _WALLS:
+            alike.setdefault(replace(kind, systems=frozenset()), []).append(kind)
+    for kind, apart in alike.items():
+        systems = frozenset[str]().union(*(k.systems for k in apart))
+        settings = [{run.value for run in kinds[k]} for k in apart]
+        if (
+            len(apart) > 1
+            and len(systems) == sum(len(k.systems) for k in apart)
+            and all(settings[0] == s for s in settings)
+        ):
+            yield replace(kind, systems=systems), _merged([run for k in apart for run in kinds[k]])
+
+
+def _merged(runs: list[_Run]) -> list[_Run]:
+    """Runs of some tests each, of one setting, as one."""
+    made: dict[float | None, _Run] = {}
+    for run in runs:
+        before = made.setdefault(run.value, run)
+        sun, sky = np.where(before.sun == 1.0, run.sun, before.sun), np.where(before.sky == 1.0, run.sky, before.sky)
+        made[run.value] = _Run(run.value, sun, sky)
+    return list(made.values())
+
+
+def _setting(case: Case, variant: Variant) -> tuple[_Kind, float | None]:
+    """What a variant changes and how far, if that is one number or a share beside others; else a label alone."""
+    given = variant.setting
+    numbers = {k: float(v) for k, v in given.items() if isinstance(v, int | float) and not isinstance(v, bool)}
+    systems = frozenset(t.system or "" for t in case.tests if t.id in variant.simulated)
+    key = next(iter(numbers)) if len(numbers) == 1 else _AMOUNT
+    if len(numbers) < len(given) or key not in numbers:
+        label = ", ".join(f"{k} = {v}" for k, v in given.items()) or "variant"
+        return _Kind(variant.mechanism, label, (), systems), None
+    held = tuple((k, v) for k, v in sorted(numbers.items()) if k != key)
+    return _Kind(variant.mechanism, key, held, systems), numbers[key]
+
+
+def _base_position(case: Case, kind: _Kind) -> float | None:
+    """Where the baseline stands on the scale of a setting; ``None`` where that is not known."""
+    if kind.mechanism in _ALL_OR_NOTHING:
+        return None  # "more bounces" is all or nothing: the real light has no limit
+    if kind.mechanism == _WALLS:
+        walls = {s.wall_reflectance for s in case.setup.system if s.id in kind.systems}
+        return walls.pop() if len(walls) == 1 else None
+    return 0.0
+
+
+def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
+    origin, one = _base_position(case, kind), np.ones_like(runs[0].sun)
+    numbered = [run for run in runs if run.value is not None and origin is not None and run.value != origin]
+    if numbered and kind.key == "rotation_deg":
+        yield from _turns(kind.label, [_Run(0.0, one, one), *numbered])
+        return
+    if numbered and origin is not None:
+        rows = [_Run(origin, one, one), *numbered]
+        parameter = _parameter(kind, np.unique([run.value for run in rows]), origin)
+        geometric = kind.mechanism == _WALLS
+        path = Path(f"case's variants of {kind.label}", parameter, *_stacked(rows), geometric, of_case=True)
+        yield replace(path, held=dict(kind.held))
+        return
+    for run in _merged(runs):
+        label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
+        what = f"share of the change to {label} that is seen"
+        weight = Parameter("weight", "1", what, 0.0, 1.5, 0.2, (1.0,), centre=1.0)
+        parts = np.stack([one, run.sun]), np.stack([one, run.sky])
+        yield Path(f"case's variant {label}", weight, np.array([0.0, 1.0]), *parts, of_case=True)
+
+
+def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
+    """A turned pattern is no mixture with the one that is not turned: only turns near the simulated ones, by side."""
+    for side in (1.0, -1.0):
+        rows = [run for run in runs if run.value is not None and side * run.value >= 0.0]
+        if len(rows) < 2:
+            continue
+        at, sun, sky = _stacked(rows)
+        turns = at[at != 0.0]
+        near, far = float(np.abs(turns).min()), float(np.abs(turns).max())
+        low, high = sorted((side * 0.7 * near, side * 1.3 * far))
+        what = "turn of the pattern, counter-clockwise from above"
+        width = max(0.15 * far, far - near)
+        turn = Parameter(key, "deg", what, low, high, width, tuple(turns.tolist()), centre=float(turns.mean()))
+        label = f"case's variants of {key}, {'counter-' if side > 0 else ''}clockwise"
+        yield Path(label, turn, at, sun, sky, of_case=True)
+
+
+def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:
+    """Settings in order, and both parts at them."""
+    rows = sorted(_merged(runs), key=lambda run: run.value or 0.0)
+    at = np.array([run.value for run in rows], dtype=np.float64)
+    return at, np.stack([run.sun for run in rows]), np.stack([run.sky for run in rows])
+
+
+def _parameter(kind: _Kind, at: Floats, origin: float) -> Parameter:
+    """A parameter that runs along the variants and as far again beyond, with a prior as wide as they reach.
+
+    A clock is as likely late as early, and a small shift of the sun does the opposite the other way.
+    """
+    reach = float(np.max(np.abs(at - origin)))
+    low = origin - _BEYOND * float(origin - at[0]) if at[0] < origin else origin
+    high = origin + _BEYOND * float(at[-1] - origin) if at[-1] > origin else origin
+    if kind.mechanism == _WALLS:
+        low, high = max(low - reach, 0.05), min(high + reach, 0.999)
+    if kind.mechanism == "clock-offset":
+        low, high = min(low, -reach), max(high, reach)
+    if kind.key == _AMOUNT:
+        high = max(high, 1.0)
+    unit = "deg" if kind.key.endswith("_deg") else "min" if kind.key.endswith("_min") else "1"
+    tried = [float(a) for a in at if a != origin]
+    starts = (*tried, *(origin + 0.4 * (a - origin) for a in tried))
+    if low < origin < high and kind.mechanism == "clock-offset":
+        starts = (*starts, *(origin - 0.4 * (a - origin) for a in tried if low <= origin - 0.4 * (a - origin) <= high))
+    what = f"{kind.key.replace('_', ' ')} of the real thing"
+    return Parameter(kind.key, unit, what, low, high, reach, starts, centre=origin)
+
+
+def _alike(walls: tuple[Path, ...]) -> Path:
+    """The walls of all systems changed alike, where each system's were simulated apart."""
+    far = [float(p.positions[np.argmax(np.abs(p.positions - p.parameter.centre))] - p.parameter.centre) for p in walls]
+    reach = min(far, key=abs)
+    at = np.sort(reach * np.array([0.0, 0.5, 1.0]))
+    one = np.ones_like(walls[0].sun[0])
+    changes = [[p.change(p.parameter.centre + a, Fields(one, one)) for p in walls] for a in at]
+    sun, sky = (np.stack([np.prod([c[part] for c in row], axis=0) for row in changes]) for part in (0, 1))
+    low, high = sorted((_BEYOND * reach, -reach))
+    what = "change of the reflectance of all wells"
+    change = Parameter("change", "1", what, low, high, abs(reach), (reach, 0.4 * reach), centre=0.0)
+    return Path("case's variants of all walls", change, at, sun, sky, geometric=True, of_case=True)
+
+
+def _ratio(case: Case, base: Fields, variant: Variant) -> tuple[Floats, Floats]:
+    """Variant over baseline for both parts (T, P, G); 1 in tests the variant does not cover."""
+    sun, sky = np.ones_like(base.sun), np.ones_like(base.sky)
+    for k, test in enumerate(case.tests):
+        if parts := variant.simulated.get(test.id):
+            new_sun, new_sky = from_files(case, parts)
+            if parts.total and not parts.sun:
+                whole = _divided(new_sun, base.total[k])
+                sun[k], sky[k] = whole, whole
+            else:
+                sun[k], sky[k] = _divided(new_sun, base.sun[k]), _divided(new_sky, base.sky[k])
+    return sun, sky
+
+
+def _divided(new: Floats, old: Floats) -> Floats:
+    """``new / old``, 1 where there was no light, and never beyond what rays can mean."""
+    ratio = np.divide(new, old, out=np.ones_like(new), where=old > 1e-6 * max(float(old.max(initial=0.0)), 1e-12))
+    return np.clip(ratio, *_RATIO)

@@ -1,0 +1,212 @@
+"""The case's own variants: the same simulation run again with one thing changed."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.cases import Case
+from analysis.explain.apply import Model, apply_model
+from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.readings import Readings
+from analysis.explain.scene import Scene
+from analysis.explain.variants import retraced_of
+from analysis.photometry import Distribution
+from analysis.photometry.lm63 import FileGeneration, render_lm63
+from tests.analysis.explain import effects
+from tests.analysis.explain.campaign import NONE, TESTS, Floats, Sky, columns, light, make_case, rows_of, sun_part
+from tests.analysis.explain.test_mechanisms import term
+
+ROWS = rows_of(TESTS)
+BASE = light(ROWS)
+GAMMA, C = np.arange(0.0, 90.1, 2.5), np.arange(0.0, 360.1, 5.0)
+TURNED = "case's variants of rotation_deg, counter-clockwise"
+AUREOLE = "case's variants of fraction, width_deg = 5"
+
+Run = Callable[[Sky, Floats, Floats], Floats]
+"""The sun part [cd] of a test as a variant has it, at gammas (1, G) and planes (P, 1) [deg]."""
+
+
+def varied(folder: Path, *variants: tuple[str, dict[str, Any], Run, str], **change: Any) -> Scene:
+    """A scene whose case brings variants: mechanism, setting, sun part, and the system that was run ("" for all)."""
+    files, tables = {}, []
+    for n, (mechanism, setting, run, system) in enumerate(variants):
+        table: dict[str, Any] = {"mechanism": mechanism, "setting": setting, "simulated": {}}
+        for t in TESTS:
+            if system in ("", t.system):
+                candela = run(t, GAMMA[None, :], C[:, None])
+                candela[-1] = candela[0]
+                keywords = {"TEST": "x", "TESTLAB": "x", "ISSUEDATE": "x", "MANUFAC": "x"}
+                name = f"simulated/{n}-{t.id}.ies"
+                made = Distribution(GAMMA, C, candela, keywords)
+                files[name] = render_lm63(made, generation=FileGeneration.SIMULATED)
+                table["simulated"][t.id] = {"sun": name, "sky": f"simulated/{t.id}-sky.ies"}
+        tables.append(table)
+    case = make_case(folder, flaws=NONE, change={"variant": tables, **change}, more=files)
+    return Scene(Readings.of(case), retraced_of(case))
+
+
+def times(factor: float) -> Run:
+    """The sun part brighter or darker by a factor: not what any setting does, but easily known again."""
+    return lambda t, gamma, c: factor * sun_part(t, gamma, c)
+
+
+def turned(t: Sky, gamma: Floats, c: Floats) -> Floats:
+    return sun_part(t, gamma, c - 20.0)
+
+
+def wider(t: Sky, gamma: Floats, c: Floats) -> Floats:
+    """A third of the beam from all about: its image fainter by a third, and as much again over the whole sphere."""
+    image = sun_part(t, gamma, c)
+    return np.asarray(image * 2.0 / 3.0 + 0.02 * image.max())
+
+
+def turned_by_20(folder: Path) -> Scene:
+    return varied(folder, ("lens-orientation", {"rotation_deg": 20.0}, turned, ""))
+
+
+def sun(scene: Scene) -> Floats:
+    """The sun part of each reading that the prediction has, (N,) [cd]."""
+    return scene.readings.sun
+
+
+def of_system(scene: Scene, name: str) -> Any:
+    return np.array([scene.readings.case.tests[k].system == name for k in scene.readings.test])
+
+
+def test_a_variant_of_the_case_is_reached_in_full(tmp_path: Path) -> None:
+    """Half way along the case's own re-simulation lies half of its change; at its end, the variant itself."""
+    scene = turned_by_20(tmp_path / "case")
+    way = (term(scene, "lens-orientation", TURNED),)
+    made = predict(scene, way, np.array([20.0]))
+    exact = effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0) + effects._sky(ROWS)
+    # between planes of 5° both images are read linearly (1 %); a ratio is limited where the image was 50 times weaker
+    within = effects._sun(ROWS) > 0.02 * effects.part(ROWS, sun_part, ROWS.gamma_deg, ROWS.c_deg - 20.0)
+    assert np.max(np.abs(made / exact - 1.0)[within]) < 0.02
+    half = predict(scene, way, np.array([10.0]))
+    assert half == pytest.approx((made + BASE) / 2.0, rel=1e-9)
+
+
+def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) -> None:
+    class Busy:
+        def __getattr__(self, name: str) -> Any:
+            raise AssertionError(f"{name} was asked for")
+
+    scene = turned_by_20(tmp_path / "case")
+    case: Case = scene.readings.case
+    entry = {"id": "lens-orientation", "way": TURNED, "names": ["rotation_deg"], "theta": [20.0], "sd": [1.0]}
+    busy: Any = Busy()
+    text = apply_model(Model((entry | {"facts": {}},)), case, busy)
+    made = predict(scene, (term(scene, "lens-orientation", TURNED),), np.array([20.0]))
+    assert columns(text, "corrected")[0] == pytest.approx(made, rel=1e-6)
+
+
+def test_a_pattern_may_lie_turned_in_one_system_alone(tmp_path: Path) -> None:
+    scene = turned_by_20(tmp_path / "case")
+    box = of_system(scene, "box")
+    whole, alone = (
+        predict(scene, (term(scene, "lens-orientation", TURNED + note),), np.array([20.0]))
+        for note in ("", ", box only")
+    )
+    assert alone[box] == pytest.approx(whole[box], rel=1e-12)
+    assert alone[~box] == pytest.approx(BASE[~box], rel=1e-9)
+
+
+def test_an_aureole_is_the_cases_own_variant_at_its_width(tmp_path: Path) -> None:
+    """A third of the beam from 5° about makes the variant itself; two thirds, twice its change."""
+    scene = varied(tmp_path / "case", ("circumsolar-aureole", {"fraction": 1 / 3, "width_deg": 5.0}, wider, ""))
+    ways = [t.branch.label for t in terms_of(BY_ID["circumsolar-aureole"], scene)]
+    assert ways == [f"{AUREOLE}", "images spread"]
+    way = (term(scene, "circumsolar-aureole", AUREOLE),)
+    change = predict(scene, way, np.array([1 / 3, 5.0])) - BASE
+    # the images' tops lie between the nodes of the grid; where the image was next to nothing, a ratio is limited
+    exact = np.array([0.02 * wider_top(t) for t in TESTS])[ROWS.test] - sun(scene) / 3.0
+    within = sun(scene) > 0.02 * np.array([wider_top(t) for t in TESTS])[ROWS.test]
+    assert change[within] == pytest.approx(exact[within], abs=0.02 * float(np.abs(exact).max()))
+    assert predict(scene, way, np.array([2 / 3, 5.0])) - BASE == pytest.approx(2.0 * change, rel=1e-6, abs=1e-6)
+
+
+def wider_top(t: Sky) -> float:
+    return float(sun_part(t, GAMMA[None, :], C[:, None]).max())
+
+
+def test_an_aureole_wider_than_the_variants_is_spread_farther(tmp_path: Path) -> None:
+    scene = varied(tmp_path / "case", ("circumsolar-aureole", {"fraction": 1 / 3, "width_deg": 5.0}, wider, ""))
+    way = (term(scene, "circumsolar-aureole", AUREOLE),)
+    narrow, as_run, wide = (predict(scene, way, np.array([0.5, w])) for w in (3.0, 5.0, 9.0))
+    brightest = int(np.argmax(sun(scene)))
+    assert narrow[brightest] > as_run[brightest] > wide[brightest]
+
+
+WALLS = ("wall-reflectance", {"wall_reflectance": 0.9}, times(0.8), "box")
+TUBES = ("wall-reflectance", {"wall_reflectance": 0.93}, times(0.7), "tube")
+
+
+def described(box: float, tube: float) -> list[dict[str, Any]]:
+    """Both systems, with what the simulation took for their walls."""
+    table = [("box", "box", box), ("tube", "tube", tube)]
+    return [{"id": name, "kind": kind, "wall_reflectance": r} for name, kind, r in table]
+
+
+def test_each_systems_walls_are_told_from_what_was_simulated_for_it(tmp_path: Path) -> None:
+    """Not as a share of a change: of walls that were simulated at .95 and run again at .90, .93 lies between."""
+    scene = varied(tmp_path / "case", WALLS, TUBES, system=described(0.95, 0.98))
+    ways = {t.branch.label: t for t in terms_of(BY_ID["wall-reflectance"], scene)}
+    of_box = ways["case's variants of wall_reflectance, box only"]
+    assert of_box.parameters[0].name == "wall_reflectance"
+    assert of_box.parameters[0].centre == 0.95
+    made, box = predict(scene, (of_box,), np.array([0.9])), of_system(scene, "box")
+    # the reader's files have fewer digits than a float
+    assert made[box] == pytest.approx((BASE - 0.2 * sun(scene))[box], rel=1e-3)
+    assert made[~box] == pytest.approx(BASE[~box], rel=1e-9)
+    assert predict(scene, (of_box,), np.array([0.95])) == pytest.approx(BASE, rel=1e-9)
+
+
+def test_walls_of_all_systems_may_be_off_alike(tmp_path: Path) -> None:
+    scene = varied(tmp_path / "case", WALLS, TUBES, system=described(0.95, 0.98))
+    alike = term(scene, "wall-reflectance", "case's variants of all walls")
+    made, box = predict(scene, (alike,), np.array([-0.05])), of_system(scene, "box")
+    assert made == pytest.approx(BASE - np.where(box, 0.2, 0.3) * sun(scene), rel=1e-3)
+
+
+def test_what_was_run_for_each_system_apart_is_also_one_run(tmp_path: Path) -> None:
+    haze = [("lens-haze", {"haze": 0.2}, times(f), system) for f, system in ((0.8, "box"), (0.7, "tube"))]
+    scene = varied(tmp_path / "case", *haze)
+    box = of_system(scene, "box")
+    label = "case's variants of haze"
+    whole, *alone = (
+        predict(scene, (term(scene, "lens-haze", label + note),), np.array([0.2])) - BASE
+        for note in ("", ", box only", ", tube only")
+    )
+    assert whole == pytest.approx(-np.where(box, 0.2, 0.3) * sun(scene), rel=1e-3)
+    assert whole == pytest.approx(sum(alone), rel=1e-9, abs=1e-6)
+
+
+def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
+    scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
+    (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
+    made = predict(scene, (way,), np.array([-5.0]))
+    assert made == pytest.approx(BASE + 0.05 * sun(scene), rel=1e-3)
+
+
+def test_a_room_that_the_case_brings_counts_beside_the_closed_form(tmp_path: Path) -> None:
+    brought = ("room-interreflection", {"wall_reflectance": 0.1}, times(1.1), "")
+    scene = varied(tmp_path / "case", brought, system=described(0.95, 0.98))
+    closed, own = terms_of(BY_ID["room-interreflection"], scene)
+    assert (closed.branch.label, own.branch.label) == ("", "case's variants of wall_reflectance")
+    assert predict(scene, (own,), np.array([0.05])) == pytest.approx(BASE + 0.05 * sun(scene), rel=1e-3)
+    unknown = varied(tmp_path / "unknown", brought, room=None)
+    assert [t.branch.label for t in terms_of(BY_ID["room-interreflection"], unknown)] == [own.branch.label]
+
+
+def test_what_a_variant_told_goes_on_in_a_case_that_brings_none(tmp_path: Path) -> None:
+    case = make_case(tmp_path / "case", flaws=NONE)
+    entry = {"id": "circumsolar-aureole", "way": AUREOLE, "names": ["fraction", "width_deg"]}
+    text = apply_model(Model((entry | {"theta": [0.3, 5.0], "sd": [0.01, 0.5], "facts": {}},)), case)
+    scene = Scene(Readings.of(case), retraced_of(case))
+    made = predict(scene, (term(scene, "circumsolar-aureole", "images spread"),), np.array([0.3, 5.0]))
+    assert columns(text, "corrected")[0] == pytest.approx(made, rel=1e-6)
+    assert np.max(np.abs(made / BASE - 1.0)) > 0.05
