@@ -116,7 +116,8 @@ class Conclusion:
         if self.verdict != "unexplained" or not self.best.ids:
             return self.alternatives
         leading = (self.best.ids, min(self.probability.values(), default=0.0))
-        return sorted([leading, *self.alternatives], key=lambda item: -item[1])
+        others = [item for item in self.alternatives if item[0] != self.best.ids]  # a double's share is told as its own
+        return sorted([leading, *others], key=lambda item: -item[1])
 
     @property
     def either(self) -> dict[str, tuple[str, ...]]:
@@ -214,6 +215,11 @@ def traced(term: Term) -> bool:
     return term.mechanism.like_a_lens and isinstance(path, Path) and not path.of_case
 
 
+def of_optics(term: Term) -> bool:
+    """Whether a term changes lens or well, or was simulated again: its form is as good as what was simulated."""
+    return term.mechanism.like_a_lens or isinstance(term.branch.value, Path)
+
+
 def flattens(h: Hypothesis) -> bool:
     """Whether a response that is not proportional only flattens towards bright light, as a range does that ends."""
     at = np.cumsum([0, *(len(t.parameters) for t in h.fit.terms)])
@@ -223,8 +229,3 @@ def flattens(h: Hypothesis) -> bool:
 def _is_bent(term: Term) -> bool:
     way = term.branch.value
     return term.mechanism.id == Nonlinearity.id and isinstance(way, tuple) and way[1] == "bent"
-
-
-def of_the_case(term: Term) -> bool:
-    """Whether the case brings the change that a term makes."""
-    return isinstance(term.branch.value, Path) and term.branch.value.of_case

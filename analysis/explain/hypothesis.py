@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from analysis.explain.fit import Fit
+from analysis.explain.thresholds import ALIKE
 from analysis.explain.wander import Wander
 
 
@@ -41,3 +42,9 @@ class Hypothesis:
         """Ids of its catalogue mechanisms."""
         random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
         return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
+
+    @property
+    def of_case(self) -> bool:
+        """Whether the case's own variant of a mechanism does as well as any other way of it."""
+        least = self.fit.log_evidence - ALIKE
+        return any(way.log_evidence > least and any(t.branch.of_case for t in way.terms) for way in self.ways)

@@ -109,13 +109,16 @@ class Search:
         return sorted(found, key=lambda h: -h.evidence)
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
-        """Fit a mechanism's most promising ways."""
+        """Fit a mechanism's most promising ways, and the best of those that the case brings."""
         looks = []
         for term in terms:
             starts = self.fitter.scan_starts(term, MIDDLE)
             looks.append((starts[0][0], term, [s for _, s in starts[:_STARTS]]))
         looks.sort(key=lambda look: look[0])
-        return [self._best_fit((term,), starts) for _, term, starts in looks[:_BRANCHES]]
+        brought = [look for look in looks[_BRANCHES:] if look[1].branch.of_case]
+        kept = looks[:_BRANCHES]
+        kept += [] if any(look[1].branch.of_case for look in kept) else brought[:1]
+        return [self._best_fit((term,), starts) for _, term, starts in kept]
 
     def _weighed(self, looks: list[Fit]) -> list[Fit]:
         """First looks' fits with their evidence; fitted again, if readings were quieted since."""

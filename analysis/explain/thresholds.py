@@ -107,6 +107,9 @@ were right.)"""
 FLATTENS = 1.1
 """The same of a range that ends against a response that is not proportional, where that only flattens towards bright
 light: what amplifiers and counters do near their end is commoner than such a response in all its range."""
+OF_CASE_ODDS = 1.1
+"""The same of a change that the case brings against one that labdaq traced: the former's form is the truth's own, and
+would seldom do as well by chance; the latter's allows for much."""
 SLOW_OR_LATE = 0.4
 """The same of a clock against a meter that follows slowly. (Three of five wrong names beside two authors' second
 instruments were clocks where a meter was slow.)"""

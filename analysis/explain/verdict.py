@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import expit
 
-from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_the_case, temper, traced
+from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_optics, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.sensors import Nonlinearity
@@ -29,6 +29,7 @@ from analysis.explain.thresholds import (
     MISFIT_OF_TWO,
     MISFIT_STRONG,
     MOST_MISFIT,
+    OF_CASE_ODDS,
     OF_THREE,
     OTHER_LENS,
     RELIABLE,
@@ -146,7 +147,7 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    if any(t.mechanism.like_a_lens and not of_the_case(t) for t in h.fit.terms):
+    if any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
@@ -193,7 +194,20 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
-    return {key: odds - LIKELIER * bool(found.unseen & set(key)) - _ends(found, key) for key, odds in rivals.items()}
+    likelier = {key: _ends(found, key) + _brought(found, key) for key in rivals}
+    return {key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier[key] for key, odds in rivals.items()}
+
+
+def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival, where the case brings the change that one of them makes.
+
+    The other's must be a change of optics that we traced on a lens like the case's, or put into a formula.
+    """
+    singles = {h.ids[0]: h for h in found.singles if len(h.ids) == 1 and len(h.fit.terms) == 1}
+    both = [singles.get(found.best.first), singles.get(rival[0]) if len(rival) == 1 else None]
+    own = [h is not None and h.of_case for h in both]
+    loose = [h is not None and not h.of_case and of_optics(h.fit.terms[0]) for h in both]
+    return OF_CASE_ODDS * (float(own[0] and loose[1]) - float(own[1] and loose[0]))
 
 
 def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:

@@ -27,6 +27,7 @@ from analysis.explain.thresholds import (
     MISFIT_LENS,
     MISFIT_OF_TWO,
     MOST_MISFIT,
+    OF_CASE_ODDS,
     RELIABLE,
     SURE,
     SURE_ALONE,
@@ -122,6 +123,29 @@ def test_a_response_that_flattens_is_a_range_that_ends(arm: Scene, bend: float, 
         found = Conclusion(first, _hypothesis(arm, 0.0), [first, second])
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
+
+
+@pytest.mark.parametrize(("other", "odds"), [("soiling", OF_CASE_ODDS), ("cosine-response", 0.0)])
+def test_a_change_that_the_case_brings_is_likelier_than_one_of_another_lens(
+    arm: Scene, other: str, odds: float
+) -> None:
+    """Of two that do alike; a formula that knows nothing of the lens is as good."""
+    own, rival = _hypothesis(arm, 300.0, "lens-haze"), _hypothesis(arm, 300.0, other)
+    brought = Conclusion(own, _hypothesis(arm, 0.0), [own, rival])
+    _on_another_lens(brought, of_case=True)
+    own.fit.log_evidence, own.ways = 300.0, [own.fit]
+    for first, sure in ((own, odds), (rival, -odds)):
+        found = Conclusion(first, _hypothesis(arm, 0.0), [own, rival])
+        decide(found, 1.0)
+        assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
+
+
+def test_a_share_of_a_double_is_told_once(arm: Scene) -> None:
+    found = _decided(arm, ("dark-offset", 60.0), ("stray-light", 59.0), ("cosine-response", 59.5))
+    assert found.verdict == "unexplained"
+    share_with_doubles(found)
+    told = [ids for ids, _ in found.not_claimed]
+    assert len(told) == len(set(told))
 
 
 def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
