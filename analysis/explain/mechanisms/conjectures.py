@@ -9,83 +9,13 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
+from analysis.explain.mechanisms.misaligned_arm import ArmSag, Backlash, OffCentre, TiltedAxis
 from analysis.explain.mechanisms.misaligned_camera import TiltedCamera, TurnedCamera
 from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.mechanisms.weathered import Dew, Warming
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
-from labdaq import directions
-
-
-class ArmSag(Mechanism):
-    """The arm bends under its weight, the more the further it reaches out."""
-
-    id = "arm-sag"
-    stage = Stage.GONIOMETER
-    leaves_out = "The arm bends: its vertical angle is off by an amount that grows with gamma."
-    parameters = (Parameter("sag_deg", "deg", "error of gamma at 90°", -4.0, 4.0, 1.0, (-1.0, 1.0)),)
-    source = "I(gamma + d sin gamma, C)"
-    tie_breaker = "a spirit level at several points of the arm"
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Sample the fields elsewhere."""
-        light.gamma_deg = light.gamma_deg + p[0] * np.sin(np.radians(light.gamma_deg))
-        light.moved = True
-
-
-class OffCentre(Mechanism):
-    """The arm does not turn about the aperture's centre."""
-
-    id = "off-centre"
-    stage = Stage.GONIOMETER
-    leaves_out = "The arm does not turn about the centre of the aperture."
-    parameters = (
-        Parameter("east_m", "m", "arm's centre east of the aperture's", -0.3, 0.3, 0.03, (-0.03, 0.03)),
-        Parameter("north_m", "m", "arm's centre north of the aperture's", -0.3, 0.3, 0.03, (-0.03, 0.03)),
-        Parameter("below_m", "m", "arm's centre below the aperture", -0.3, 0.3, 0.03, (0.0,)),
-    )
-    source = "direction and inverse square from the true centre"
-    tie_breaker = "a plumb line from the aperture's centre"
-
-    def why_not(self, scene: Scene) -> str:
-        """A shift in metres needs the arm's radius."""
-        return "" if scene.goniometer else "the case does not describe the goniometer"
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Sample the fields in the directions in which the sensors really were."""
-        assert scene.goniometer is not None
-        shift = np.array([p[0], p[1], -p[2]]) / scene.goniometer.distance_m
-        place = directions.vector(light.gamma_deg, light.c_deg) + shift
-        gamma, light.c_deg = directions.gamma_c(place)
-        light.gamma_deg = np.minimum(gamma, 90.0)
-        light.moved = True
-        nearer = 1.0 / np.sum(place**2, axis=1)
-        light.sun_factor, light.sky_factor = light.sun_factor * nearer, light.sky_factor * nearer
-
-
-class Backlash(Mechanism):
-    """The arm's play: its plane is off by half of it, to the side that it comes from."""
-
-    id = "backlash"
-    stage = Stage.GONIOMETER
-    leaves_out = "The arm has play: its horizontal angle lags behind, to the side that it came from."
-    parameters = (Parameter("play_deg", "deg", "play of the horizontal axis", -8.0, 8.0, 1.5, (-1.5, 1.5)),)
-    needs = "times of the records, and planes taken in both senses of turning"
-    source = "I(gamma, C - d/2 in the sense of turning); hysteresis of a gear"
-    tie_breaker = "the same plane reached from both sides"
-
-    def why_not(self, scene: Scene) -> str:
-        """The sense of turning must be known, and must change."""
-        if not scene.readings.has_times:
-            return "the records carry no time"
-        senses = scene.remember(_sense_of_turning)[scene.is_gonio]
-        return "" if np.any(senses > 0) and np.any(senses < 0) else "the arm always turned the same way"
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Sample the fields where the arm really was."""
-        light.c_deg = light.c_deg - 0.5 * p[0] * scene.remember(_sense_of_turning)
-        light.moved = True
 
 
 class SlowSensors(Mechanism):
@@ -133,6 +63,28 @@ class WarmingSensors(Mechanism):
         return np.asarray(values * (1.0 + p[0] * scene.remember(_place_in_scan) * scene.is_gonio))
 
 
+class Crosstalk(Mechanism):
+    """Each sensor's reading holds a share of its neighbours'."""
+
+    id = "crosstalk"
+    stage = Stage.SENSORS
+    leaves_out = "Each sensor's reading holds a share of its neighbours' readings."
+    parameters = (Parameter("share", "1", "share of each neighbour's reading", 0.0, 0.3, 0.05, (0.02, 0.08)),)
+    source = "y_i + a (y_(i-1) - y_i) + a (y_(i+1) - y_i), or the former alone, for sensors that are read in turn"
+    tie_breaker = "one sensor covered at a time"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Cables side by side; or a multiplexer that still holds what it read last."""
+        return Branch("from both sides", (-1, 1)), Branch("from below", (-1,)), Branch("from above", (1,))
+
+    def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
+        """Mix in the neighbours along the arm, in the same plane."""
+        found = values.copy()
+        for side in branch.value:
+            found += p[0] * (values[scene.remember(_neighbour, side).astype(np.int64)] - values)
+        return found
+
+
 class TintedSensors(Mechanism):
     """The sensors see bluish skylight and yellowish sunlight with different sensitivities."""
 
@@ -153,6 +105,21 @@ class TintedSensors(Mechanism):
         light.sky_factor = light.sky_factor * (1.0 + p[0])
 
 
+def _neighbour(scene: Scene, side: int) -> Floats:
+    """Index of the next sensor's reading, inwards (-1) or outwards (1) along the arm, or its own at the end; (N,)."""
+    r = scene.readings
+    found: NDArray[np.int64] = np.arange(len(r))
+    rows = np.flatnonzero(scene.is_gonio)
+    order = rows[np.lexsort((r.gamma_deg[rows], np.round(np.nan_to_num(r.c_deg[rows]), 3), r.test[rows]))]
+    alike = (r.test[order[1:]] == r.test[order[:-1]]) & (np.abs(r.c_deg[order[1:]] - r.c_deg[order[:-1]]) < 1e-3)
+    inner, outer = order[:-1][alike], order[1:][alike]
+    if side < 0:
+        found[outer] = inner
+    else:
+        found[inner] = outer
+    return found.astype(np.float64)
+
+
 def _reading_before(scene: Scene) -> Floats:
     """Index of the reading before each, of the same sensor in the same test (its own for the first); shape (N,)."""
     r = scene.readings
@@ -163,23 +130,6 @@ def _reading_before(scene: Scene) -> Floats:
             rows = rows[np.argsort(r.utc_ns[rows], kind="stable")]
             before[rows[1:]] = rows[:-1]
     return before.astype(np.float64)
-
-
-def _sense_of_turning(scene: Scene) -> Floats:
-    """1 where the arm came to a plane with C growing, -1 where with C falling; shape (N,)."""
-    r = scene.readings
-    sense = np.zeros(len(r))
-    for k in np.unique(r.test[scene.is_gonio]):
-        rows = np.flatnonzero((r.test == k) & scene.is_gonio)
-        rows = rows[np.argsort(r.utc_ns[rows], kind="stable")]
-        step = np.diff(r.c_deg[rows], prepend=r.c_deg[rows[0]])
-        step = np.where(np.abs(step) > 180.0, -step, step)  # over the north
-        moved = np.where(np.abs(step) > 0.01, np.arange(len(step)), -1)
-        last = np.maximum.accumulate(moved)
-        first = moved[moved >= 0][:1]
-        turned = np.where(last >= 0, last, first[0] if len(first) else 0)
-        sense[rows] = np.sign(step[turned])
-    return sense
 
 
 def _place_in_scan(scene: Scene) -> Floats:
@@ -197,6 +147,8 @@ CONJECTURES: tuple[Mechanism, ...] = (
     ArmSag(),
     OffCentre(),
     Backlash(),
+    TiltedAxis(),
+    Crosstalk(),
     SlowSensors(),
     WarmingSensors(),
     TintedSensors(),

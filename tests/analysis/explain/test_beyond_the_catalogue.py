@@ -81,6 +81,35 @@ def test_play_acts_to_the_side_that_the_arm_comes_from(arm: Scene) -> None:
     assert np.max(np.abs(made - exact) / np.hypot(exact, 0.02 * top)) < 0.01
 
 
+def test_light_lies_tilted_where_an_axis_is_not_plumb(arm: Scene) -> None:
+    """All light turned by 3° towards the east: at nadir the arm sees what lay in the west."""
+    law = next(m for m in CONJECTURES if m.id == "tilted-axis")
+    (term,) = terms_of(law, arm)
+    made = predict(arm, (term,), np.array([3.0, 0.0]))
+    rows = rows_of(TESTS)
+    g, c = np.radians(rows.gamma_deg), np.radians(rows.c_deg)
+    north, west, down = np.sin(g) * np.cos(c), np.sin(g) * np.sin(c), np.cos(g)
+    a = np.radians(3.0)
+    west, down = west * np.cos(a) + down * np.sin(a), down * np.cos(a) - west * np.sin(a)
+    gamma, plane = np.degrees(np.arccos(down)), np.degrees(np.arctan2(west, north))
+    below = gamma < 85.0
+    exact = light(rows, np.minimum(gamma, 90.0), plane)
+    top = np.array([exact[rows.test == k].max() for k in range(len(TESTS))])[rows.test]
+    assert np.max((np.abs(made - exact) / np.hypot(exact, 0.02 * top))[below]) < 0.03
+    assert np.max(np.abs(light(rows) / exact - 1.0)[below]) > 0.2
+
+
+def test_crosstalk_mixes_neighbours_along_the_arm(arm: Scene) -> None:
+    law = next(m for m in CONJECTURES if m.id == "crosstalk")
+    ways = {t.branch.label: t for t in terms_of(law, arm)}
+    exact = light(rows_of(TESTS)).reshape(-1, 10)  # sensors of a plane, from nadir outwards
+    inwards = np.concatenate([exact[:, :1], exact[:, :-1]], axis=1) - exact
+    outwards = np.concatenate([exact[:, 1:], exact[:, -1:]], axis=1) - exact
+    for label, change in (("from both sides", inwards + outwards), ("from below", inwards), ("from above", outwards)):
+        made = predict(arm, (ways[label],), np.array([0.05]))
+        assert made == pytest.approx((exact + 0.05 * change).ravel(), rel=1e-6)
+
+
 @pytest.mark.slow
 def test_the_double_of_a_second_name_is_told(tmp_path: Path) -> None:
     """A turned arm is found beside an offset; whether that is of the sensors or of the room, nobody can tell."""
