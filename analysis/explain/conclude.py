@@ -225,15 +225,15 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
     found = []
     for h in search.each_wandering(base, unnamed_wanders(search.scene), extra):
         family, size, _ = h.wanders[-1]
-        found.append(Unnamed(family.along, h.evidence - alone, size))
+        found.append(Unnamed(family.along, h.evidence - alone, size, weighed=h))
     whole = search.before_quieting
     if odd := odd_readings(whole, base.fit, extra):
         family, ways = odd
         h = whole.wandering(base, family, extra)
         gain = h.evidence - ways - whole.reweighed(base, extra)
-        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=True))
+        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=True, weighed=h))
     for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
         size = float(h.fit.theta[-len(law.parameters)])
-        found.append(Unnamed(law.mechanism.id, h.evidence - alone, size, law))
+        found.append(Unnamed(law.mechanism.id, h.evidence - alone, size, law, weighed=h))
     return sorted(found, key=lambda u: -u.gain)

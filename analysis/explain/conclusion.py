@@ -42,6 +42,8 @@ class Unnamed:
         A law that fits it, of physics beyond the catalogue.
     single
         Whether it is a few readings that stand alone: no function of anything.
+    weighed
+        The hypothesis that holds it, beside the names.
     """
 
     along: str
@@ -49,6 +51,7 @@ class Unnamed:
     size: float
     conjecture: Term | None = None
     single: bool = False
+    weighed: Hypothesis | None = None
 
 
 @dataclass

@@ -17,13 +17,14 @@ from analysis.explain.forensics import forensics
 from analysis.explain.form_error import form_error
 from analysis.explain.heldout import HeldOut, deviations, held_out, rms
 from analysis.explain.hypers import Hyper
-from analysis.explain.locate import Mismatch, locate
+from analysis.explain.locate import Mismatch, Scan
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
+from analysis.explain.whereabouts import places
 from labdaq.errors import DataError
 
 LOOKING = Hyper(1.0, 1.0, 0.4)
@@ -92,11 +93,12 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     progress("locating the mismatch")
     null = fitter.residual((), np.zeros(0))
     usual = fitter.whitener(LOOKING)
-    mismatch = locate(readings, null, usual)
+    scan = Scan.of(readings, usual)
     progress("weighing mechanisms")
     search = quieted(Search(fitter))
     scene, fitter = search.scene, search.fitter
     found = conclude(search)
+    mismatch = places(scan, null, fitter, found)
     kept = found.kept
     best = kept.fit
     progress("predicting what was not fitted")
@@ -108,7 +110,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     wrong = form_error(scene, best.terms, best.theta)
     extra = (*wrong, *(w.extra(scene, a, x) for w, a, x in kept.wanders))
     beside = fitter.whitener(LOOKING, extra)
-    leftover = locate(readings, best.residual, beside)
+    leftover = Scan.of(readings, beside).standing_out(best.residual)
     dof = max(len(readings) - len(best.theta), 1)
     return Explanation(
         scene=scene,

@@ -9,9 +9,10 @@ import pytest
 from analysis.explain.conclude import conclude
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.heldout import HeldOut
-from analysis.explain.locate import Mismatch, Region, locate
+from analysis.explain.locate import Mismatch, Scan
 from analysis.explain.mismatch import LOOKING, _shared, explain
 from analysis.explain.readings import Readings
+from analysis.explain.regions import Region
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from labdaq.errors import DataError
@@ -26,7 +27,7 @@ def test_a_size_is_a_share_of_the_simulation(tmp_path: Path, ratio: float, says:
     dim = readings.test == 1
     model = readings.measured / np.where(dim, ratio, 1.0)
     residual = readings.stretched(readings.measured) - readings.stretched(model)
-    first = locate(readings, residual, Fitter(Scene(readings)).whitener(LOOKING))[0]
+    first = Scan.of(readings, Fitter(Scene(readings)).whitener(LOOKING)).standing_out(residual)[0]
     assert first.region.name == "in test S2"
     assert first.share == pytest.approx(ratio - 1.0, abs=1e-3)
     assert says in first.statement
