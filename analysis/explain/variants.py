@@ -140,10 +140,16 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
         return
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
-        what = f"share of the change to {label} that is seen"
-        weight = Parameter("weight", "1", what, 0.0, 1.5, 0.2, (1.0,), centre=1.0)
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        yield Path(f"case's variant {label}", weight, np.array([0.0, 1.0]), *parts, of_case=True)
+        yield Path(f"case's variant {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
+
+
+def _weight(kind: _Kind, label: str) -> Parameter:
+    """How much of a variant's change is seen: about all of what is there or not, any amount of what has a size."""
+    what = f"share of the change to {label} that is seen"
+    if kind.mechanism in {*_ALL_OR_NOTHING, "lens-orientation"}:
+        return Parameter("weight", "1", what, 0.0, 1.5, 0.2, (1.0,), centre=1.0)
+    return Parameter("weight", "1", what, 0.0, 4.0, 1.0, (0.3, 1.0, 2.0))
 
 
 def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:

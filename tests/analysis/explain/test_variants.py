@@ -185,6 +185,25 @@ def test_what_was_run_for_each_system_apart_is_also_one_run(tmp_path: Path) -> N
     assert whole == pytest.approx(sum(alone), rel=1e-9, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("mechanism", "setting", "most"),
+    [
+        ("lens-orientation", {"mirrored": True}, 1.5),
+        ("soiling", {"depth": 0.1, "scattered": 0.5}, 4.0),
+        ("wall-reflectance", {"wall_reflectance": 0.9}, 4.0),  # of walls that were simulated with different ones
+    ],
+)
+def test_of_what_has_no_scale_a_share_is_told(
+    tmp_path: Path, mechanism: str, setting: dict[str, Any], most: float
+) -> None:
+    """About the whole of what is there or is not; any amount of what may be stronger than it was run."""
+    run = (mechanism, setting, times(0.9), "")
+    scene = varied(tmp_path / "case", run, system=described(0.95, 0.98))
+    way = next(t for t in terms_of(BY_ID[mechanism], scene) if t.branch.label.startswith("case's variant "))
+    assert (way.parameters[0].name, way.parameters[0].high) == ("weight", most)
+    assert predict(scene, (way,), np.array([1.4])) == pytest.approx(BASE - 0.14 * sun(scene), rel=1e-3)
+
+
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
     scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
     (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
