@@ -50,3 +50,12 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
     chord = np.linalg.norm(np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64), axis=-1)
     angle: Floats = np.degrees(2.0 * np.arcsin(np.clip(chord / 2.0, 0.0, 1.0)))
     return angle
+
+
+def rotated(vectors: ArrayLike, axis: ArrayLike, degrees: ArrayLike) -> Floats:
+    """Vectors (..., 3) turned about unit axes (..., 3), right-handed, by an angle [deg] (Rodrigues' formula)."""
+    v, a = np.asarray(vectors, dtype=np.float64), np.asarray(axis, dtype=np.float64)
+    angle = np.radians(np.asarray(degrees, dtype=np.float64))[..., None]
+    along = np.sum(v * a, axis=-1, keepdims=True) * a
+    made: Floats = np.cos(angle) * v + np.sin(angle) * np.cross(a, v) + (1.0 - np.cos(angle)) * along
+    return made

@@ -54,11 +54,8 @@ def turned(field: Floats, axes: Floats, degrees: Floats) -> Floats:
     """
     v = grid_vectors()
     made = np.empty_like(field)
-    for t, (axis, angle) in enumerate(zip(axes, np.radians(degrees), strict=True)):
-        # the light now seen at v came out at v turned back (Rodrigues' formula)
-        along = (v @ axis)[:, None] * axis
-        back = np.cos(angle) * v - np.sin(angle) * np.cross(axis, v) + (1.0 - np.cos(angle)) * along
-        gamma, c = directions.gamma_c(back)
+    for t, (axis, angle) in enumerate(zip(axes, degrees, strict=True)):
+        gamma, c = directions.gamma_c(directions.rotated(v, axis, -angle))  # where the light now seen at v came out
         made[t] = Sampler(np.full(len(v), t), np.minimum(gamma, 90.0), c)(field).reshape(field.shape[1:])
     return made
 

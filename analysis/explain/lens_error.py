@@ -133,9 +133,5 @@ def _turned(r: Readings, field: Floats, degrees: float) -> Floats:
 
 def _rotated(gamma_deg: Floats, c_deg: Floats, axis: Floats, degrees: float) -> tuple[Floats, Floats]:
     """Directions turned about horizontal axes (N, 3) by an angle [deg]; kept below the horizon."""
-    v = directions.vector(gamma_deg, c_deg)
-    a = np.radians(degrees)
-    along = np.sum(axis * v, axis=1, keepdims=True) * axis
-    turned = np.cos(a) * v + np.sin(a) * np.cross(axis, v) + (1 - np.cos(a)) * along
-    gamma, c = directions.gamma_c(turned)
+    gamma, c = directions.gamma_c(directions.rotated(directions.vector(gamma_deg, c_deg), axis, degrees))
     return np.minimum(gamma, 90.0), c

@@ -94,15 +94,9 @@ class TiltedAxis(Mechanism):
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields in the directions that the sensors have for the skylight."""
-        turn = np.radians([p[0], p[1]])
-        angle = float(np.hypot(*turn))
-        place = directions.vector(
-            np.abs(light.gamma_deg), np.where(light.gamma_deg < 0.0, light.c_deg + 180.0, light.c_deg)
-        )
-        if angle > 0.0:
-            axis = np.array([-turn[1], turn[0], 0.0]) / angle
-            along = (place @ axis)[:, None] * axis
-            place = np.cos(angle) * place + np.sin(angle) * np.cross(axis, place) + (1.0 - np.cos(angle)) * along
+        angle = float(np.hypot(p[0], p[1]))
+        axis = np.array([-p[1], p[0], 0.0]) / max(angle, 1e-12)
+        place = directions.rotated(directions.vector(light.gamma_deg, light.c_deg), axis, angle)
         gamma, light.c_deg = directions.gamma_c(place)
         light.gamma_deg = np.minimum(gamma, 90.0)
         light.moved = True
