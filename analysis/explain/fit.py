@@ -190,7 +190,7 @@ class Fitter:
 
     def scan_starts(self, term: Term, hyper: Hyper) -> list[tuple[float, Floats]]:
         """Objectives and starting points of one term alone, best first."""
-        points = self._scaled(term, hyper)
+        points = _starts(term) if np.any(self.scene.is_gonio) else self._scaled(term, hyper)
         residuals = np.stack([self.residual((term,), p) for p in points], axis=1)
         values = self.whitener(hyper).squares(residuals)
         values += np.array([_prior_value(p, term.parameters) for p in points])
