@@ -177,24 +177,17 @@ def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:
 
 
 def _parameter(kind: _Kind, at: Floats, origin: float) -> Parameter:
-    """A parameter that runs along the variants and as far again beyond, with a prior as wide as they reach.
-
-    A clock is as likely late as early, and a small shift of the sun does the opposite the other way.
-    """
+    """A parameter that runs along the variants and as far again beyond, with a prior as wide as they reach."""
     reach = float(np.max(np.abs(at - origin)))
     low = origin - _BEYOND * float(origin - at[0]) if at[0] < origin else origin
     high = origin + _BEYOND * float(at[-1] - origin) if at[-1] > origin else origin
     if kind.mechanism == _WALLS:
         low, high = max(low - reach, 0.05), min(high + reach, 0.999)
-    if kind.mechanism == "clock-offset":
-        low, high = min(low, -reach), max(high, reach)
     if kind.key == _AMOUNT:
         high = max(high, 1.0)
     unit = "deg" if kind.key.endswith("_deg") else "min" if kind.key.endswith("_min") else "1"
     tried = [float(a) for a in at if a != origin]
     starts = (*tried, *(origin + 0.4 * (a - origin) for a in tried))
-    if low < origin < high and kind.mechanism == "clock-offset":
-        starts = (*starts, *(origin - 0.4 * (a - origin) for a in tried if low <= origin - 0.4 * (a - origin) <= high))
     what = f"{kind.key.replace('_', ' ')} of the real thing"
     return Parameter(kind.key, unit, what, low, high, reach, starts, centre=origin)
 

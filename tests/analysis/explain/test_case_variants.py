@@ -9,10 +9,12 @@ import pytest
 
 from analysis.cases import Case
 from analysis.explain.apply import Model, apply_model
+from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
+from analysis.explain.search import Search
 from analysis.explain.variants import retraced_of
 from analysis.photometry import Distribution
 from analysis.photometry.lm63 import FileGeneration, render_lm63
@@ -207,6 +209,7 @@ def test_of_what_has_no_scale_a_share_is_told(
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
     scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
     (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
+    assert way.parameters[0].low < -10.0
     made = predict(scene, (way,), np.array([-5.0]))
     assert made == pytest.approx(BASE + 0.05 * sun(scene), rel=1e-3)
 
@@ -219,6 +222,16 @@ def test_a_room_that_the_case_brings_counts_beside_the_closed_form(tmp_path: Pat
     assert predict(scene, (own,), np.array([0.05])) == pytest.approx(BASE + 0.05 * sun(scene), rel=1e-3)
     unknown = varied(tmp_path / "unknown", brought, room=None)
     assert [t.branch.label for t in terms_of(BY_ID["room-interreflection"], unknown)] == [own.branch.label]
+
+
+def test_the_cases_own_way_is_always_weighed(tmp_path: Path) -> None:
+    """Also where many others look better at first: here it darkens all, and nothing is missing."""
+    dark = [("lens-haze", {"haze": 0.2}, times(0.3), "")]
+    for variants, brought in (([], 0), (dark, 1)):
+        search = Search(Fitter(varied(tmp_path / str(brought), *variants)), [BY_ID["lens-haze"]], [])
+        ways = search.looks["lens-haze"]
+        assert sum(fit.terms[0].branch.of_case for fit in ways) == brought
+        assert len(ways) == 3 + brought
 
 
 def test_what_a_variant_told_goes_on_in_a_case_that_brings_none(tmp_path: Path) -> None:
