@@ -14,6 +14,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
+_NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
 _RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
@@ -187,7 +188,7 @@ def _parameter(kind: _Kind, at: Floats, origin: float) -> Parameter:
         high = max(high, 1.0)
     unit = "deg" if kind.key.endswith("_deg") else "min" if kind.key.endswith("_min") else "1"
     tried = [float(a) for a in at if a != origin]
-    starts = (*tried, *(origin + 0.4 * (a - origin) for a in tried))
+    starts = (*tried, *(origin + share * (a - origin) for share in _NEARER for a in tried))
     what = f"{kind.key.replace('_', ' ')} of the real thing"
     return Parameter(kind.key, unit, what, low, high, reach, starts, centre=origin)
 

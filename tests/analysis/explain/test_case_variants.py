@@ -225,9 +225,9 @@ def test_a_room_that_the_case_brings_counts_beside_the_closed_form(tmp_path: Pat
 
 
 def test_the_cases_own_way_is_always_weighed(tmp_path: Path) -> None:
-    """Also where many others look better at first: here it darkens all, and nothing is missing."""
-    dark = [("lens-haze", {"haze": 0.2}, times(0.3), "")]
-    for variants, brought in (([], 0), (dark, 1)):
+    """Also where many others look better at first: here it throws the images elsewhere, and nothing is missing."""
+    elsewhere = [("lens-haze", {"haze": 0.2}, lambda t, gamma, c: sun_part(t, gamma, c - 150.0), "")]
+    for variants, brought in (([], 0), (elsewhere, 1)):
         search = Search(Fitter(varied(tmp_path / str(brought), *variants)), [BY_ID["lens-haze"]], [])
         ways = search.looks["lens-haze"]
         assert sum(fit.terms[0].branch.of_case for fit in ways) == brought
