@@ -1,6 +1,6 @@
 """Geometry that mechanisms share: blurring on the sphere, the aperture seen from near, the lit room."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -116,28 +116,33 @@ def apply_operator(matrix: sparse.csr_matrix, field: Floats) -> Floats:
     return np.asarray((matrix @ field.reshape(len(field), -1).T).T.reshape(field.shape))
 
 
-def room_patches(size_m: tuple[float, float, float], across: int = 14) -> dict[str, tuple[Floats, Floats, Floats]]:
-    """Patches of floor and walls: centres (K, 3), inward normals (K, 3), areas (K,); origin in the ceiling's centre."""
+@dataclass(frozen=True)
+class Patches:
+    """Small pieces of a surface: centres (K, 3) [m], inward normals (K, 3), areas (K,) [m²]."""
+
+    centre: Floats
+    normal: Floats
+    area_m2: Floats
+
+
+def room_patches(size_m: tuple[float, float, float], across: int) -> dict[str, Patches]:
+    """Patches of floor, ceiling and (four) walls; origin in the ceiling's centre."""
     width, depth, height = size_m
-    u = (np.arange(across) + 0.5) / across
+    a, b = (x.ravel() for x in np.meshgrid(*[(np.arange(across) + 0.5) / across] * 2))
+    east, north, wide, deep = (a - 0.5) * width, (b - 0.5) * depth, width * height, depth * height
 
-    def sheet(
-        at: Callable[[Floats, Floats], list[Floats]], normal: list[float], area: float
-    ) -> tuple[Floats, Floats, Floats]:
-        a, b = np.meshgrid(u, u)
-        centre = np.stack([np.broadcast_to(c, a.shape).ravel() for c in at(a, b)], axis=1)
-        return centre, np.broadcast_to(np.array(normal), centre.shape), np.full(a.size, area / a.size)
+    def sheet(x: Floats | float, y: Floats | float, z: Floats | float, normal: list[float], area: float) -> Patches:
+        centre = np.stack([np.broadcast_to(k, a.shape) for k in (x, y, z)], axis=1)
+        return Patches(centre, np.broadcast_to(np.array(normal), centre.shape), np.full(a.size, area / a.size))
 
-    def span(x: Floats, length: float) -> Floats:
-        return (x - 0.5) * length
-
-    flat = np.zeros((across, across))
-    floor = sheet(lambda a, b: [span(a, width), span(b, depth), flat - height], [0, 0, 1], width * depth)
     sides = [
-        sheet(lambda a, b: [flat - width / 2, span(a, depth), -b * height], [1, 0, 0], depth * height),
-        sheet(lambda a, b: [flat + width / 2, span(a, depth), -b * height], [-1, 0, 0], depth * height),
-        sheet(lambda a, b: [span(a, width), flat - depth / 2, -b * height], [0, 1, 0], width * height),
-        sheet(lambda a, b: [span(a, width), flat + depth / 2, -b * height], [0, -1, 0], width * height),
+        sheet(-width / 2, north, -a * height, [1, 0, 0], deep),
+        sheet(width / 2, north, -a * height, [-1, 0, 0], deep),
+        sheet(east, -depth / 2, -b * height, [0, 1, 0], wide),
+        sheet(east, depth / 2, -b * height, [0, -1, 0], wide),
     ]
-    walls = tuple(np.concatenate([s[k] for s in sides]) for k in range(3))
-    return {"floor": floor, "walls": (walls[0], walls[1], walls[2])}
+    return {
+        "floor": sheet(east, north, -height, [0, 0, 1], width * depth),
+        "ceiling": sheet(east, north, 0.0, [0, 0, -1], width * depth),
+        "walls": Patches(*(np.concatenate([getattr(s, k) for s in sides]) for k in ("centre", "normal", "area_m2"))),
+    }

@@ -29,8 +29,8 @@ class RoomInterreflection(Retraced):
     )
     needs = "room, goniometer"
     source = (
-        "first bounce integrated over floor and walls + integrating sphere (Ulbricht) for the "
-        "rest; report ch. 9, App. B"
+        "first bounce integrated over floor and walls + radiosity of the room for the rest, the ceiling as the walls "
+        "(Goral et al. 1984); report ch. 9, App. B"
     )
     tie_breaker = "a scan with the skylight covered (the room's light vanishes with it), or a white card on the floor"
 

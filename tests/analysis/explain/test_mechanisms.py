@@ -47,8 +47,8 @@ LATE = effects.gradual(0.2, MIDDLE * np.exp(0.4), 1.3)
 # The last number is the largest error allowed, relative to the reading (to a fiftieth of the test's top in the dark).
 # Closed forms are exact. Where fields are read between the nodes of a grid of 2.5° x 5°, linear interpolation errs by
 # (step² / 8) x curvature: up to 1 % on images 16° wide; near the horizon, where intensity falls as a power, by 5 %.
-# The room's tolerance is that of taking all bounces but the first as those of a sphere; a blur of the outgoing image
-# treats light near the horizon otherwise than a blur of the source does. How ranges change over is drawn
+# The room's tolerance is that of the truth's patches, 40 cm wide where sensors hang 20 cm below them; a blur of the
+# outgoing image treats light near the horizon otherwise than a blur of the source does. How ranges change over is drawn
 # out in two ways.
 ON_THE_ARM = [
     ("gamma-offset", "", (1.5,), effects.gamma_offset(1.5), 0.05),
