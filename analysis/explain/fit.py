@@ -1,9 +1,8 @@
 """Fit a hypothesis and weigh its evidence.
 
-A hypothesis is a set of mechanisms with Gaussian (or half-Gaussian) priors on their parameters. Its parameters are
-fitted by Gauss-Newton steps in the metric of the nuisance covariance; its evidence is Laplace's approximation about the
-fit, summed about its best sizes of discrepancy (MacKay 2003, Information Theory, Inference, and Learning Algorithms,
-ch. 27-28).
+A hypothesis is a set of mechanisms with priors on their parameters, which are fitted by Gauss-Newton steps in the
+metric of the nuisance covariance; its evidence is Laplace's approximation about the fit, summed about its best sizes of
+discrepancy (MacKay 2003, Information Theory, Inference, and Learning Algorithms, ch. 27-28).
 """
 
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.noise import Nuisance
 from analysis.explain.parameter import Parameter
 from analysis.explain.pointing_error import pointing_errors, steepness
+from analysis.explain.prior import Prior
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
 from analysis.explain.whitening import Factored, Solved, Whitener
@@ -165,22 +165,24 @@ class Fitter:
         """Gauss-Newton from ``start`` at some sizes, with halved steps where the objective does not fall."""
         whitener = self.whitener(hyper, extra)
         parameters = tuple(p for t in terms for p in t.parameters)
+        prior = Prior.of(parameters)
         theta = inside(np.asarray(start, dtype=np.float64), parameters)
         residual = self.residual(terms, theta)
-        value = whitener.gram(residual[:, None])[0, 0] + _prior_value(theta, parameters)
+        value = whitener.gram(residual[:, None])[0, 0] + prior.value(theta)
         jacobian = self.jacobian(terms, theta, residual)
         for _ in range(_STEPS if parameters else 0):
             gram = whitener.gram(np.column_stack([jacobian, residual]))
-            step = _newton_step(gram, theta, parameters)
+            precision = _precision(gram, prior, theta)
+            step = np.linalg.solve(precision, gram[:-1, -1] + prior.pull(theta))
             for halving in range(6):
                 trial = inside(theta + step * 0.5**halving, parameters)
                 trial_residual = self.residual(terms, trial)
-                trial_value = whitener.gram(trial_residual[:, None])[0, 0] + _prior_value(trial, parameters)
+                trial_value = whitener.gram(trial_residual[:, None])[0, 0] + prior.value(trial)
                 if trial_value < value:
                     break
             else:
                 break
-            moved = np.abs(trial - theta) / np.sqrt(_variances(gram, parameters))
+            moved = np.abs(trial - theta) / np.sqrt(np.diag(np.linalg.inv(precision)))
             theta, residual = trial, trial_residual
             better, value = value - trial_value, trial_value
             jacobian = self.jacobian(terms, theta, residual)
@@ -193,7 +195,8 @@ class Fitter:
         points = _starts(term) if np.any(self.scene.is_gonio) else self._scaled(term, hyper)
         residuals = np.stack([self.residual((term,), p) for p in points], axis=1)
         values = self.whitener(hyper).squares(residuals)
-        values += np.array([_prior_value(p, term.parameters) for p in points])
+        prior = Prior.of(term.parameters)
+        values += np.array([prior.value(p) for p in points])
         return [(float(values[k]), points[k]) for k in np.argsort(values)]
 
     def _scaled(self, term: Term, hyper: Hyper) -> Floats:
@@ -218,8 +221,8 @@ class Fitter:
         moved = [beside.residual - self.residual(terms, np.concatenate([beside.theta, p])) for p in points]
         gram = self.whitener(hyper, extra).gram(np.column_stack([beside.residual, *moved, beside.jacobian]))
         n = 1 + len(points)
-        sigma = np.array([p.sigma for p in beside.parameters])
-        given_back = np.linalg.solve(gram[n:, n:] + np.diag(sigma**-2.0), gram[n:, :n])
+        prior = Prior.of(beside.parameters)
+        given_back = np.linalg.solve(gram[n:, n:] + np.diag(prior.precision(beside.theta)), gram[n:, :n])
         left = gram[:n, :n] - gram[:n, n:] @ given_back
         onto, size = left[0, 1:], np.diag(left)[1:]
         scaled = np.where(onto > 0.0, onto**2 / np.maximum(size, 1e-12), 0.0)
@@ -270,18 +273,16 @@ def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
     base = -0.5 * (gram[n, n] + log_det)
     if n == 0:
         return float(base)
-    sigma = np.array([p.sigma for p in parameters])
-    centre = np.array([p.centre for p in parameters])
-    precision = gram[:n, :n] + np.diag(sigma**-2.0)
-    slope = gram[:n, n] - (fit.theta - centre) / sigma**2
+    prior = Prior.of(parameters)
+    precision = _precision(gram, prior, fit.theta)
+    slope = gram[:n, n] + prior.pull(fit.theta)
     step = np.linalg.solve(precision, slope)
     low = np.array([p.low for p in parameters])
     high = np.array([p.high for p in parameters])
     step = np.clip(fit.theta + step, low, high) - fit.theta
     gain = slope @ step - 0.5 * step @ precision @ step
-    prior = -0.5 * np.sum(((fit.theta - centre) / sigma) ** 2)
-    _, log_det = np.linalg.slogdet(precision * np.outer(sigma, sigma))
-    value = base + prior + gain - 0.5 * log_det
+    _, log_det = np.linalg.slogdet(precision)
+    value = base + prior.log_density - 0.5 * prior.value(fit.theta) + gain - 0.5 * log_det
     spread = np.sqrt(np.diag(np.linalg.inv(precision)))
     for k, p in enumerate(parameters):
         if p.one_sided:
@@ -291,30 +292,15 @@ def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
 
 def posterior_covariance(whitener: Whitener, fit: Fit) -> Floats:
     """Covariance (P, P) of the parameters at some sizes, prior included."""
-    n = len(fit.parameters)
-    if n == 0:
+    if not fit.parameters:
         return np.zeros((0, 0))
-    sigma = np.array([p.sigma for p in fit.parameters])
-    gram = whitener.gram(fit.jacobian)
-    return np.asarray(np.linalg.inv(gram + np.diag(sigma**-2.0)))
+    gram = whitener.gram(np.column_stack([fit.jacobian, fit.residual]))
+    return np.asarray(np.linalg.inv(_precision(gram, Prior.of(fit.parameters), fit.theta)))
 
 
-def _newton_step(gram: Floats, theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
-    n = len(parameters)
-    sigma = np.array([p.sigma for p in parameters])
-    centre = np.array([p.centre for p in parameters])
-    precision = gram[:n, :n] + np.diag(sigma**-2.0)
-    return np.asarray(np.linalg.solve(precision, gram[:n, n] - (theta - centre) / sigma**2))
-
-
-def _variances(gram: Floats, parameters: tuple[Parameter, ...]) -> Floats:
-    n = len(parameters)
-    sigma = np.array([p.sigma for p in parameters])
-    return np.asarray(np.diag(np.linalg.inv(gram[:n, :n] + np.diag(sigma**-2.0))))
-
-
-def _prior_value(theta: Floats, parameters: tuple[Parameter, ...]) -> float:
-    return float(sum(((x - p.centre) / p.sigma) ** 2 for x, p in zip(theta, parameters, strict=True)))
+def _precision(gram: Floats, prior: Prior, theta: Floats) -> Floats:
+    """Of the parameters (P, P): what the readings say (``gram``'s last is the residual's) and what was thought."""
+    return np.asarray(gram[:-1, :-1] + np.diag(prior.precision(theta)))
 
 
 def inside(theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:

@@ -14,7 +14,8 @@ class Parameter:
     low, high
         Plausible range; fits do not leave it.
     sigma
-        Standard deviation of the Gaussian prior about ``centre`` (half of it where ``low == centre``).
+        Usual size: of the Gaussian that the prior about ``centre`` is as curved as (`prior.Prior`; half of it where
+        ``low == centre``).
     starts
         Values from which fits are started.
     per_unit
@@ -36,7 +37,7 @@ class Parameter:
 
     @property
     def one_sided(self) -> bool:
-        """Whether the prior is a half Gaussian that begins at ``low``."""
+        """Whether the prior is the half that begins at ``low``."""
         return self.low >= self.centre
 
     @property
