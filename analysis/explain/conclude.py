@@ -44,6 +44,7 @@ def conclude(search: Search) -> Conclusion:
     found.singles = search.singles() + _wandering_beside(search, found, nothing, ())
     found.singles.sort(key=lambda h: -h.evidence)
     found.one_instrument = not bool(np.any(search.scene.is_gonio))
+    found.pictures = bool(np.all(search.scene.is_sky))
     if found.one_instrument and np.any(search.scene.is_roof):
         found.level = float(np.median(nothing.fit.residual[search.scene.is_roof]))
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER

@@ -70,8 +70,8 @@ class Conclusion:
         The same without any named mechanism, where there is one.
     readings
         How many were weighed.
-    one_instrument
-        Whether only a meter or a camera was read, no goniometer.
+    one_instrument, pictures
+        Whether only a meter or a camera was read, no goniometer; whether only luminances were.
     level
         What the middle reading of a roof meter has more or less than its prediction, stretched; other instruments'
         tests have gains of their own.
@@ -98,6 +98,7 @@ class Conclusion:
     instead: list[Unnamed] = field(default_factory=list)
     readings: int = 1000
     one_instrument: bool = False
+    pictures: bool = False
     level: float = 0.0
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()

@@ -11,11 +11,13 @@ from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
+    DOUBLES,
     DOUBTFUL,
     EVEN,
     EVEN_GAIN,
     EVEN_LEAST,
     EVEN_LENS,
+    EVEN_PICTURE,
     EVEN_READINGS,
     FLATTENS,
     LEAST_ROUGH,
@@ -139,6 +141,8 @@ def name_the_sure(found: Conclusion) -> bool:
     if alone is None or (surest == found.best.first and len(likeliest) == 1) or sure < SURE_ALONE:
         return False
     found.best, found.verdict, found.probability = alone, "partly-explained", {surest: sure}
+    # what stood in the first name's place stands beside this one
+    found.indistinguishable = [pair for pair in found.indistinguishable if surest not in pair or set(pair) in DOUBLES]
     return True
 
 
@@ -235,7 +239,7 @@ def _probabilities(found: Conclusion) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
-    even = EVEN_GAIN if found.best.first in _GAINS else EVEN
+    even = EVEN_GAIN if found.best.first in _GAINS else EVEN_PICTURE if found.pictures else EVEN
     even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
     even *= float(np.clip(found.best.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
     nothing = ((even if found.one_instrument else 0.0) - top) / nats

@@ -21,6 +21,7 @@ from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     AHEAD,
     DOUBTFUL,
+    EVEN_LENS,
     FLATTENS,
     HOLDS_LAWS,
     LIKELIER,
@@ -160,6 +161,17 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
 
 
+def test_what_stood_in_the_first_names_place_stands_beside_the_sure_one(arm: Scene) -> None:
+    """A turned arm beside dirt or beside haze: it is a rival of neither."""
+    found = _decided(arm, ("soiling", 185.0), ("lens-haze", 184.0), ("c-offset", 170.0))
+    assert {("soiling", "lens-haze"), ("soiling", "c-offset")} == set(found.indistinguishable)
+    found.considered = [(("soiling", "c-offset"), 330.0), (("lens-haze", "c-offset"), 329.0)]
+    found.instead = []
+    assert name_the_sure(found)
+    assert found.best.ids == ("c-offset",)
+    assert found.indistinguishable == [("soiling", "lens-haze")]
+
+
 @pytest.mark.parametrize(("rival", "told"), [(365.0, "soiling"), (300.0, "meter-cosine")])
 def test_a_surer_name_is_told_instead_of_one_that_is_a_little_likelier_than_not(
     arm: Scene, rival: float, told: str
@@ -271,6 +283,15 @@ def test_of_one_instrument_little_evidence_is_no_name(
         decide(found, 1.0)
         verdicts[gain] = found.verdict
     assert verdicts == {little: "unexplained", enough: "explained"}
+
+
+@pytest.mark.parametrize(("pictures", "verdict"), [(True, "explained"), (False, "unexplained")])
+def test_a_camera_needs_less_evidence_than_a_meter(picture: Scene, pictures: bool, verdict: str) -> None:
+    only = _hypothesis(picture, 33.0, "vignetting")
+    only.fit.hyper = Hyper(1.0, 1.0, EVEN_LENS)
+    found = Conclusion(only, _hypothesis(picture, 0.0), [only], one_instrument=True, pictures=pictures, nat=TEMPER_ONE)
+    decide(found, 1.0)
+    assert found.verdict == verdict
 
 
 def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
