@@ -20,6 +20,7 @@ from analysis.explain.thresholds import (
     LIKE_THE_BEST,
     NAME_FIRST,
     NAME_FIRST_BELOW,
+    NAME_FIRST_FREE,
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
     NAME_SECOND,
@@ -35,6 +36,7 @@ from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, sh
 
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
+_FEW_NUMBERS = 2
 
 
 def conclude(search: Search) -> Conclusion:
@@ -74,7 +76,9 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_LENS
     if h.wanders:
         return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
-    return NAME_FIRST if found.one_instrument else NAME_FIRST_BELOW
+    if found.one_instrument:
+        return NAME_FIRST
+    return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
 
 
 def _few(search: Search) -> float:

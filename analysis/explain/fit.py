@@ -13,6 +13,7 @@ from scipy.stats import norm
 
 from analysis.cases.model import Floats
 from analysis.explain.air_error import air_error_effects, errors_of_all_days
+from analysis.explain.arm_error import arm_errors
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects
 from analysis.explain.mechanisms.base import Term, predict
@@ -103,7 +104,7 @@ class Fitter:
         effects = np.concatenate(
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
-        usual = np.concatenate([scene.remember(pointing_errors), errors_of_all_days(scene)], axis=1)
+        usual = np.concatenate([scene.remember(f) for f in (pointing_errors, arm_errors, errors_of_all_days)], axis=1)
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), scene.alone, usual)
         self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)

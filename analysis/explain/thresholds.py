@@ -31,6 +31,9 @@ in proportion where it is less wrong,"""
 EVEN_LEAST = 0.15
 """down to such a share. (On two authors' roofs and cameras twelve more first names are told for this, eleven of them
 right.)"""
+NAME_FIRST_FREE = 40.0
+"""The same of a form with more than two parameters: it bends to ripple. (On another author's skylights a response that
+changes gradually to another gained 19 and 31 where nothing was left out.)"""
 NAME_FIRST_RANDOM = 20.0
 """A first random effect must gain this (unless repeated readings show it): it also leans on a simulation's ripple."""
 NAME_FIRST_LENS = 24.0
@@ -148,6 +151,8 @@ LEFT_OF_STRONG = 0.02
 """and such a share of its gain may be left."""
 LEFT_OF_LENS = 0.3
 """A change of the lens that was traced on another lens leaves more: images lie beside those that it moved."""
+LEFT_OF_RANDOM = 0.1
+"""So does a random effect: its form is a few amplitudes and correlation times."""
 LIKE_THE_BEST = 0.4
 """Another way of modelling a mechanism, where it gains such a share, has a say in how well its parameters are known."""
 RELIABLE = 0.95

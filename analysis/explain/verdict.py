@@ -22,6 +22,7 @@ from analysis.explain.thresholds import (
     FLATTENS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
+    LEFT_OF_RANDOM,
     LEFT_OF_STRONG,
     LEFT_OVER,
     LEVEL_ALONE,
@@ -82,7 +83,8 @@ def decide(found: Conclusion, few: float) -> None:
 def _may_be_left(found: Conclusion, gain: float) -> float:
     """What unnamed structure may gain [nats] beside names whose forms are never quite right."""
     first = [t for t in found.best.fit.terms if t.mechanism.id == found.best.first]
-    share = LEFT_OF_LENS if any(traced(t) for t in first) else LEFT_OF_STRONG
+    random = LEFT_OF_RANDOM if found.best.wanders else LEFT_OF_STRONG
+    share = LEFT_OF_LENS if any(traced(t) for t in first) else random
     return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 

@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from analysis.explain.conclude import _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
-from analysis.explain.families import SHUTTER, UNREST
+from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
@@ -139,6 +139,18 @@ def test_a_change_that_the_case_brings_is_likelier_than_one_of_another_lens(
         found = Conclusion(first, _hypothesis(arm, 0.0), [own, rival])
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
+
+
+def test_a_random_effect_may_leave_more_than_a_law(arm: Scene) -> None:
+    """How a cloud drifts is known by a few correlation times alone."""
+    cloud = replace(_hypothesis(arm, 200.0), wanders=((CLOUD, 0.05, 25.0),))
+    verdicts = []
+    for h in (_hypothesis(arm, 200.0, "c-offset"), cloud):
+        found = Conclusion(h, _hypothesis(arm, 0.0), [h], shown={CLOUD.name})
+        found.unnamed = [Unnamed("time since the test began", 35.0, 0.1)]
+        decide(found, 1.0)
+        verdicts.append(found.verdict)
+    assert verdicts == ["partly-explained", "explained"]
 
 
 def test_a_share_of_a_double_is_told_once(arm: Scene) -> None:
