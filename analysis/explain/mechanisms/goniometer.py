@@ -8,6 +8,7 @@ from scipy import sparse
 from analysis.cases.model import Aperture, Floats
 from analysis.explain.geometry import apply_operator, near_field_matrix
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
+from analysis.explain.mechanisms.retraced import systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 
@@ -60,11 +61,15 @@ class NearField(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """By re-simulation where there is one, in closed form from the predicted far field itself, and halfway.
 
-        Each errs in its own way: the mean is nearer to another lens than either.
+        Each errs in its own way: the mean is nearer to another lens than either. Of several systems one's lens may be
+        likened and another's not: each is simulated alone, too, beside the others' closed form.
         """
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
-        ways = {"closed form": 0.0} | ({"traced": 1.0, "halfway": 0.5} if retraced else {})
-        return tuple(Branch(label, share) for label, share in ways.items())
+        ways = {"traced": 1.0, "halfway": 0.5} if retraced else {}
+        systems = systems_on_the_arm(scene)
+        apart = [(f"{label}, {name} only", {k: share}) for label, share in ways.items() for k, name in systems.items()]
+        together = [(label, dict.fromkeys(systems, share)) for label, share in {"closed form": 0.0, **ways}.items()]
+        return tuple(Branch(label, share) for label, share in together + (apart if len(systems) > 1 else []))
 
     def displaces_deg(self, scene: Scene) -> float:
         """The aperture's half width as the sensors see it."""
@@ -75,11 +80,11 @@ class NearField(Mechanism):
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move both parts from far towards near."""
-        traced = float(branch.value)
+        traced = np.array([branch.value.get(int(k), 0.0) for k in scene.readings.system])[:, None, None]
         sun, sky = np.zeros_like(light.sun), np.zeros_like(light.sky)
-        if traced < 1.0:
+        if np.any(traced < 1.0):
             sun, sky = ((1.0 - traced) * self._from_far(scene, part) for part in (light.sun, light.sky))
-        if traced > 0.0 and scene.retraced is not None and (near := scene.retraced.near_field()) is not None:
+        if np.any(traced > 0.0) and scene.retraced is not None and (near := scene.retraced.near_field()) is not None:
             sun, sky = sun + traced * near[0] * light.sun, sky + traced * near[1] * light.sky
         light.sun, light.sky = light.sun + p[0] * (sun - light.sun), light.sky + p[0] * (sky - light.sky)
 

@@ -9,8 +9,8 @@ import pytest
 from analysis.explain import again, likeness, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
-from analysis.explain.mechanisms.base import predict
-from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.ratios import ratio
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
@@ -280,6 +280,23 @@ def test_a_near_field_halfway_is_the_mean_of_both_ways(scene: Scene) -> None:
         ends = [getattr(lights[way], part) for way in ("closed form", "traced")]
         assert np.max(np.abs(ends[0] - ends[1])) > 0.0
         assert getattr(lights["halfway"], part) == pytest.approx((ends[0] + ends[1]) / 2.0)
+
+
+def test_a_near_field_is_traced_in_one_system_alone_too(scene: Scene) -> None:
+    """There as traced, in the others in closed form."""
+    names = [t.system for t in scene.readings.case.tests]
+    ways = {t.branch.label: t for t in terms_of(BY_ID["near-field"], scene)}
+    assert set(ways) == {
+        "closed form",
+        *(w + o for w in ("traced", "halfway") for o in ("", ", box only", ", tube only")),
+    }
+    lights = {way: scene.dark_light() for way in ("closed form", "traced", "traced, box only")}
+    for way, light in lights.items():
+        ways[way].mechanism.illuminate(scene, light, np.array([1.0]), ways[way].branch)
+    for k, name in enumerate(names):
+        like = "traced" if name == "box" else "closed form"
+        assert lights["traced, box only"].sun[k] == pytest.approx(lights[like].sun[k])
+        assert np.max(np.abs(lights["traced"].sun[k] - lights["closed form"].sun[k])) > 0.0
 
 
 def test_walls_that_scatter_halfway_are_the_mean_of_the_traced_and_of_light_from_the_sky(
