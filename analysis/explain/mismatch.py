@@ -24,6 +24,7 @@ from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.search import Search
 from analysis.explain.shared_error import SharedError, shared_error
+from analysis.explain.verdict import stand_out
 from analysis.explain.whereabouts import places
 from labdaq.errors import DataError
 
@@ -99,6 +100,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     scene, fitter = search.scene, search.fitter
     found = conclude(search)
     mismatch = places(scan, null, fitter, found)
+    stand_out(found, [m.p_value for m in mismatch])
     kept = found.kept
     best = kept.fit
     progress("predicting what was not fitted")

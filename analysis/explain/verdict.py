@@ -35,6 +35,7 @@ from analysis.explain.thresholds import (
     OF_CASE_ODDS,
     OF_THREE,
     OTHER_LENS,
+    PLACED,
     RELIABLE,
     ROUGH,
     ROUGH_ALONE,
@@ -77,6 +78,12 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "explained"
     _probabilities(found)
     if found.best.ids and min(found.probability.values()) < found.sure:
+        found.verdict = "unexplained"
+
+
+def stand_out(found: Conclusion, p_values: list[float]) -> None:
+    """Where nothing is missing by evidence, a place that differs beyond all chance says that something is."""
+    if found.verdict == "no-mismatch" and not found.one_instrument and min(p_values, default=1.0) < PLACED:
         found.verdict = "unexplained"
 
 

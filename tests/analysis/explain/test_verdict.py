@@ -36,7 +36,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles
+from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles, stand_out
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
@@ -151,6 +151,18 @@ def test_a_random_effect_may_leave_more_than_a_law(arm: Scene) -> None:
         decide(found, 1.0)
         verdicts.append(found.verdict)
     assert verdicts == ["partly-explained", "explained"]
+
+
+@pytest.mark.parametrize(
+    ("p", "one", "verdict"), [(1e-9, False, "unexplained"), (1e-5, False, "no-mismatch"), (1e-9, True, "no-mismatch")]
+)
+def test_a_place_beyond_all_chance_is_something(arm: Scene, p: float, one: bool, verdict: str) -> None:
+    nothing = _hypothesis(arm, 0.0)
+    found = Conclusion(nothing, nothing, [], one_instrument=one)
+    stand_out(found, [0.02, p])
+    assert found.verdict == verdict
+    stand_out(found, [])
+    assert found.verdict == verdict
 
 
 def test_a_share_of_a_double_is_told_once(arm: Scene) -> None:
