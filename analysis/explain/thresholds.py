@@ -135,7 +135,7 @@ physics outside the catalogue.) Its third is a prediction that is off by 4 % fro
 meters beside that, three were wrong."""
 PLACED = 1e-7
 """Below a skylight a place that differs is something, whatever evidence says, if looking everywhere would find one by
-chance less often than this. (Of 38 skylights by three other authors where nothing was left out the least was 9e-6; a
+chance less often than this. (Of 30 skylights by three other authors where nothing was left out the least was 9e-6; a
 glint of 31 % in five sensors had 1e-10 and no evidence.)"""
 LEVEL_ALONE = 0.06
 """On a roof a recording whose middle reading is off by more than this share agrees with nothing. (Second instruments
