@@ -1,6 +1,5 @@
 """Geometry that mechanisms share: blurring on the sphere, the aperture seen from near, the lit room."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -114,35 +113,3 @@ def near_field_matrix(aperture: Aperture, distance_m: float) -> sparse.csr_matri
 def apply_operator(matrix: sparse.csr_matrix, field: Floats) -> Floats:
     """Apply a (cells, cells) matrix to each test's field (T, P, G)."""
     return np.asarray((matrix @ field.reshape(len(field), -1).T).T.reshape(field.shape))
-
-
-@dataclass(frozen=True)
-class Patches:
-    """Small pieces of a surface: centres (K, 3) [m], inward normals (K, 3), areas (K,) [m²]."""
-
-    centre: Floats
-    normal: Floats
-    area_m2: Floats
-
-
-def room_patches(size_m: tuple[float, float, float], across: int) -> dict[str, Patches]:
-    """Patches of floor, ceiling and (four) walls; origin in the ceiling's centre."""
-    width, depth, height = size_m
-    a, b = (x.ravel() for x in np.meshgrid(*[(np.arange(across) + 0.5) / across] * 2))
-    east, north, wide, deep = (a - 0.5) * width, (b - 0.5) * depth, width * height, depth * height
-
-    def sheet(x: Floats | float, y: Floats | float, z: Floats | float, normal: list[float], area: float) -> Patches:
-        centre = np.stack([np.broadcast_to(k, a.shape) for k in (x, y, z)], axis=1)
-        return Patches(centre, np.broadcast_to(np.array(normal), centre.shape), np.full(a.size, area / a.size))
-
-    sides = [
-        sheet(-width / 2, north, -a * height, [1, 0, 0], deep),
-        sheet(width / 2, north, -a * height, [-1, 0, 0], deep),
-        sheet(east, -depth / 2, -b * height, [0, 1, 0], wide),
-        sheet(east, depth / 2, -b * height, [0, -1, 0], wide),
-    ]
-    return {
-        "floor": sheet(east, north, -height, [0, 0, 1], width * depth),
-        "ceiling": sheet(east, north, 0.0, [0, 0, -1], width * depth),
-        "walls": Patches(*(np.concatenate([getattr(s, k) for s in sides]) for k in ("centre", "normal", "area_m2"))),
-    }

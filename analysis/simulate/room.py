@@ -75,16 +75,16 @@ class Room:
             Radius around the aperture's centre that sends no reflected light [m].
         """
         gamma, c = np.broadcast_arrays(np.asarray(gamma_deg, dtype=np.float64), np.asarray(c_deg, dtype=np.float64))
-        patches = _patches(self.size_m)
+        patches = patches_of(self.size_m)
         reach = patches.reach(far)
         sensors = tuple(zip(np.ravel(gamma).tolist(), np.ravel(c).tolist(), strict=True))
-        look = _gather(self.size_m, sensors, distance_m, self.half_angle_deg, aperture_m)
+        look = gathered(self.size_m, sensors, distance_m, self.half_angle_deg, aperture_m)
         seen: Floats = look @ self.exitance(reach) * distance_m**2
         return seen.reshape(gamma.shape)
 
     def exitance(self, direct_lx: Floats) -> Floats:
         """Exitance [lm/m²] of the patches after all bounces, for direct illuminances (patches, ...) [lx]."""
-        patches = _patches(self.size_m)
+        patches = patches_of(self.size_m)
         by_surface = np.array([self.wall] * 4 + [self.floor, self.ceiling])
         rho: Floats = by_surface[patches.surface].reshape(-1, *[1] * (direct_lx.ndim - 1))
         first: Floats = rho * direct_lx
@@ -140,7 +140,8 @@ _AXES: Final = (  # corner, two edges and inward normal of each surface, in unit
 
 
 @functools.lru_cache(maxsize=4)
-def _patches(size: tuple[float, float, float]) -> Patches:
+def patches_of(size: tuple[float, float, float]) -> Patches:
+    """The patches of a room of that size: east-west, north-south, height [m]."""
     half = np.array(size) / 2.0
     corners, points, normals, surface = [], [], [], []
     step = np.arange(CELLS) / CELLS
@@ -181,14 +182,17 @@ def _factors(middle: Floats, normal: Floats, corners: Floats, surface: Whole) ->
 
 
 @functools.lru_cache(maxsize=8)
-def _gather(
+def gathered(
     size: tuple[float, float, float],
     sensors: tuple[tuple[float, float], ...],
     distance_m: float,
     half_angle_deg: float,
     aperture_m: float,
 ) -> Any:
-    """Sparse matrix from the patches' exitance [lm/m²] to the sensors' illuminance [lx]."""
+    """Sparse matrix from the patches' exitance [lm/m²] to the sensors' illuminance [lx].
+
+    ``sensors`` are their gamma and C [deg]; raises `ConfigError` where one is outside the room.
+    """
     from scipy import sparse
 
     gamma, c = np.array(sensors).T

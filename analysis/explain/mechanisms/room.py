@@ -8,7 +8,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
-from analysis.explain.roomlight import RoomLight, room_light
+from analysis.explain.roomlight import RoomLight, fits, room_light
 from analysis.explain.scene import Light, Scene
 
 
@@ -28,10 +28,7 @@ class RoomInterreflection(Retraced):
         Parameter("floor_reflectance", "1", "diffuse reflectance of the floor", 0.0, 0.6, 0.06, (0.02,)),
     )
     needs = "room, goniometer"
-    source = (
-        "first bounce integrated over floor and walls + radiosity of the room for the rest, the ceiling as the walls "
-        "(Goral et al. 1984); report ch. 9, App. B"
-    )
+    source = "all bounces between matt surfaces (radiosity; Baum et al. 1989), ceiling as walls; report ch. 9, App. B"
     tie_breaker = "a scan with the skylight covered (the room's light vanishes with it), or a white card on the floor"
 
     form_error = Mechanism.form_error
@@ -44,7 +41,8 @@ class RoomInterreflection(Retraced):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """In closed form, and as the case's own variants have it."""
         setup = scene.readings.case.setup
-        closed = (Branch(),) if setup.room and setup.goniometer else ()
+        known = setup.room and setup.goniometer and fits(setup.room.size_m, setup.goniometer.distance_m)
+        closed = (Branch(),) if known else ()
         return (*closed, *super().branches(scene))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.photometry import Distribution
-from analysis.simulate.room import CELLS, Room, _patches
+from analysis.simulate.room import CELLS, Room, patches_of
 from labdaq.directions import vector
 from labdaq.errors import ConfigError
 
@@ -24,7 +24,7 @@ def lambertian() -> Distribution:
 
 
 def test_form_factors_close() -> None:
-    patches = _patches(SIZE)
+    patches = patches_of(SIZE)
     assert np.allclose(patches.factors.sum(axis=1), 1.0, atol=1e-12)  # a closed box: all light arrives somewhere
     areas = np.full(len(patches.middle), SIZE[0] * SIZE[1] / CELLS**2)
     far_apart = patches.surface[:, None] // 2 == patches.surface[None, :] // 2  # opposite faces
@@ -33,14 +33,14 @@ def test_form_factors_close() -> None:
 
 
 def test_all_flux_of_the_aperture_reaches_the_room() -> None:
-    patches = _patches(SIZE)
+    patches = patches_of(SIZE)
     received = float(patches.reach(lambertian()).sum()) * SIZE[0] * SIZE[1] / CELLS**2
     assert received == pytest.approx(math.pi * AREA, rel=1e-3)
 
 
 def test_energy_of_many_bounces() -> None:
     """In a closed room of one reflectance the surfaces absorb what the aperture sends: Σ (1-ρ) E A = Φ."""
-    direct = _patches(SIZE).reach(lambertian())
+    direct = patches_of(SIZE).reach(lambertian())
     rho = 0.6
     exitance = Room(SIZE, wall=rho, floor=rho, ceiling=rho).exitance(direct)
     absorbed = (1.0 - rho) * exitance / rho
