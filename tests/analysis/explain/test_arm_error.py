@@ -1,10 +1,12 @@
 """An arm that hangs some millimetres off is usual; one that hangs centimetres off is told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analysis.explain import arm_error
 from analysis.explain.arm_error import USUAL_M, arm_errors
 from analysis.explain.conclude import _needed
 from analysis.explain.conclusion import Conclusion
@@ -58,6 +60,18 @@ def test_only_an_arm_that_is_centimetres_off_is_told(off_m: float, told: bool, t
     assert any(law.evidence - nothing.evidence > UNNAMED_ALONE for law in laws) == told
     if told:
         assert laws[0].fit.theta[:2] == pytest.approx([off_m, -off_m], abs=0.01)
+
+
+def test_what_is_usual_takes_from_what_a_shift_gains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(Readings.of(make_case(tmp_path / "case", _hung(0.02, -0.02, 0.0), tests=TESTS[::2])))
+    gains = []
+    for usual_m in (1e-6, USUAL_M):
+        monkeypatch.setattr(arm_error, "USUAL_M", usual_m)
+        search = Search(Fitter(replace(scene, memory={})), mechanisms=[], conjectures=[OffCentre()])
+        nothing = search.nothing()
+        (law,) = search.beside(nothing, (), search.conjectures)
+        gains.append(law.evidence - nothing.evidence)
+    assert UNNAMED_ALONE < gains[1] < gains[0] - 15.0
 
 
 @pytest.mark.parametrize(
