@@ -37,6 +37,7 @@ from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, sh
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
 _FEW_NUMBERS = 2
+"""A form with more parameters than this bends to ripple."""
 
 
 def conclude(search: Search) -> Conclusion:

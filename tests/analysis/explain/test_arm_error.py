@@ -8,17 +8,12 @@ import pytest
 
 from analysis.explain import arm_error
 from analysis.explain.arm_error import USUAL_M, arm_errors
-from analysis.explain.conclude import _needed
-from analysis.explain.conclusion import Conclusion
-from analysis.explain.fit import Fit, Fitter
-from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import terms_of
-from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.misaligned_arm import OffCentre
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.thresholds import NAME_FIRST_BELOW, NAME_FIRST_FREE, UNNAMED_ALONE
+from analysis.explain.thresholds import UNNAMED_ALONE
 from tests.analysis.explain.campaign import DISTANCE_M, TESTS, Floats, Rows, Truth, light, make_case, rows_of
 
 
@@ -72,15 +67,3 @@ def test_what_is_usual_takes_from_what_a_shift_gains(tmp_path: Path, monkeypatch
         (law,) = search.beside(nothing, (), search.conjectures)
         gains.append(law.evidence - nothing.evidence)
     assert UNNAMED_ALONE < gains[1] < gains[0] - 15.0
-
-
-@pytest.mark.parametrize(
-    ("way", "needed"), [("", NAME_FIRST_BELOW), (", from one response to another", NAME_FIRST_FREE)]
-)
-def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: float) -> None:
-    label = f"the goniometer's sensors{way}"
-    term = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label == label)
-    no = np.zeros(0)
-    h, nothing = Hypothesis(Fit((term,), no, no, no), 30.0), Hypothesis(Fit((), no, no, no), 0.0)
-    assert _needed(h, Conclusion(nothing, nothing, []), 1.0) == needed
-    assert _needed(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from analysis.explain.conclude import _wandering_beside, conclude
+from analysis.explain.conclude import _needed, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -28,6 +28,8 @@ from analysis.explain.thresholds import (
     MISFIT_LENS,
     MISFIT_OF_TWO,
     MOST_MISFIT,
+    NAME_FIRST_BELOW,
+    NAME_FIRST_FREE,
     OF_CASE_ODDS,
     RELIABLE,
     SURE,
@@ -83,6 +85,18 @@ def test_a_name_far_ahead_is_sure(arm: Scene) -> None:
     assert found.verdict == "explained"
     assert found.probability["c-offset"] == pytest.approx(RELIABLE, abs=0.01)
     assert found.indistinguishable == []
+
+
+@pytest.mark.parametrize(
+    ("way", "needed"), [("", NAME_FIRST_BELOW), (", from one response to another", NAME_FIRST_FREE)]
+)
+def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: float) -> None:
+    label = f"the goniometer's sensors{way}"
+    term = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label == label)
+    no = np.zeros(0)
+    h, nothing = Hypothesis(Fit((term,), no, no, no), 30.0), Hypothesis(Fit((), no, no, no), 0.0)
+    assert _needed(h, Conclusion(nothing, nothing, []), 1.0) == needed
+    assert _needed(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
 
 
 def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
