@@ -13,7 +13,7 @@ correlated with the true changes by .2 to .5 without the spread, and by .7 to .8
 import itertools
 import os
 from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -113,9 +113,9 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
     Whether a simulation knew its lenses' patterns is a matter of its engine, so it is decided for all systems together.
     """
     cores = len(os.sched_getaffinity(0))
-    each = max(1, cores // max(len(predicted), 1))
-    looks = {name: look for name, what in predicted.items() if (look := _look(systems[name], what, each)) is not None}
-    with ThreadPoolExecutor(cores) as pool:
+    with ThreadPoolExecutor(cores) as pool, ThreadPoolExecutor(cores) as tracers:
+        found = {name: _look(systems[name], what, tracers) for name, what in predicted.items()}
+        looks = {name: look for name, look in found.items() if look is not None}
         best = list(pool.map(_Look.patterned, looks.values()))
         blurred = list(pool.map(_Look.patternless, looks.values(), best))
         if looks and _unlike(looks.values(), blurred) < _NO_PATTERN * _unlike(looks.values(), best):
@@ -128,7 +128,7 @@ def _unlike(looks: Iterable["_Look"], chosen: Iterable[Prisms]) -> float:
     return float(np.sqrt(sum(look.unlike(prisms) ** 2 for look, prisms in zip(looks, chosen, strict=True))))
 
 
-def _look(system: System, what: Predicted, threads: int) -> "_Look | None":
+def _look(system: System, what: Predicted, tracers: Executor) -> "_Look | None":
     """A few of a system's tests, from the lowest sun to the highest; ``None`` without prisms, or without sun."""
     places = [p for p in LENS_PLACES.get(system.kind, ()) if getattr(system, p).kind == "prismatic"]
     lit = [k for k, day in enumerate(what.days) if day.beam_lx > 0.0 and np.any(what.seen[k] > 0.0)]
@@ -137,14 +137,14 @@ def _look(system: System, what: Predicted, threads: int) -> "_Look | None":
     lit.sort(key=lambda k: what.days[k].sun_altitude_deg)
     chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
     days = [what.days[k] for k in chosen]
-    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), threads)
+    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), tracers)
 
 
 class _Look:
-    """A system's sun part with other lenses, beside the predicted one."""
+    """A system's sun part with other lenses, beside the predicted one; those to choose from are traced side by side."""
 
-    def __init__(self, system: System, places: list[str], what: Predicted, threads: int) -> None:
-        self.system, self.places, self.field = system, places, what.field
+    def __init__(self, system: System, places: list[str], what: Predicted, tracers: Executor) -> None:
+        self.system, self.places, self.field, self.tracers = system, places, what.field, tracers
         self.source = sun_source(what.days)
         self.use = Settings(
             rays=RAYS,
@@ -153,7 +153,6 @@ class _Look:
             sharp_side=SHARP_SIDE,
             distance_m=what.distance_m,
             bounces=1,
-            threads=threads,
         )
         self.known_to = int(np.searchsorted(GAMMA_DEG, what.to_deg, side="right"))
         self.sky = what.sky
@@ -173,7 +172,7 @@ class _Look:
 
         Prisms of one side never become those of the other on the way: each is looked for by itself.
         """
-        return self.turned(min((self.best(begun) for begun in self.beginnings()), key=self.unlike))
+        return self.turned(self.least([self.best(begun) for begun in self.beginnings()]))
 
     def patternless(self, like: Prisms) -> Prisms:
         """The least unlike that knows none, begun at what is best with them."""
@@ -223,14 +222,19 @@ class _Look:
 
     def best(self, begun: list[Prisms]) -> Prisms:
         """The least unlike that is reached from the best beginning, in steps of slope, tilt and turn."""
-        best = min(begun, key=self.unlike)
-        while self.unlike(better := min(_beside(best), key=self.unlike)) < self.unlike(best):
+        best = self.least(begun)
+        while self.unlike(better := self.least(_beside(best))) < self.unlike(best):
             best = better
         return best
 
+    def least(self, prisms: list[Prisms]) -> Prisms:
+        """The least unlike of several."""
+        unlike = list(self.tracers.map(self.unlike, prisms))
+        return prisms[int(np.argmin(unlike))]
+
     def turned(self, prisms: Prisms) -> Prisms:
         """The least unlike of those turned by every other step, made better; as it is, if turns do not help."""
-        best = min((prisms._replace(turn=k) for k in range(0, len(TURNS_DEG), 2)), key=self.unlike)
+        best = self.least([prisms._replace(turn=k) for k in range(0, len(TURNS_DEG), 2)])
         return self.best([best]) if self.unlike(best) < _GAIN * self.unlike(prisms) else prisms
 
     def beside(self, light: Floats) -> float:
