@@ -19,11 +19,17 @@ Y = TypeVar("Y")
 _MOST = 256  # pieces of work; a byte names each
 
 
-def abreast(work: Callable[[X], Y], items: Iterable[X], shared: Iterable[object] = ()) -> list[Y]:
+def abreast(
+    work: Callable[[X], Y],
+    items: Iterable[X],
+    shared: Iterable[object] = (),
+    size: Callable[[X], int] | None = None,
+) -> list[Y]:
     """``work`` of each item, in order, by two processes where there are two cores.
 
-    Each takes the next item when it is done with one. Of what ``work`` returns, objects that are among ``shared`` stay
-    those objects; all else is copied. An item whose process was killed is done again here.
+    Each takes the next item when it is done with one, the largest first by ``size``, lest one process wait at the end
+    for the other's last. Of what ``work`` returns, objects that are among ``shared`` stay those objects; all else is
+    copied. An item whose process was killed is done again here.
 
     Raises
     ------
@@ -35,7 +41,8 @@ def abreast(work: Callable[[X], Y], items: Iterable[X], shared: Iterable[object]
         return [work(item) for item in todo]
     held = list(shared)
     waiting, found = os.pipe(), os.pipe()
-    os.write(waiting[1], bytes(range(len(todo))))
+    order = sorted(range(len(todo)), key=lambda k: 0 if size is None else -size(todo[k]))
+    os.write(waiting[1], bytes(order))
     os.close(waiting[1])
     with warnings.catch_warnings():  # other threads only wait for numba's or BLAS's next piece, and the child uses none
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -27,6 +27,13 @@ class TestAbreast:
         assert [square for square, _ in found] == [x * x for x in range(40)]
         assert len({pid for _, pid in found}) == 2
 
+    def test_the_largest_are_taken_first(self):
+        found = abreast(lambda k: (k, slowly(k)[1], time.monotonic_ns()), range(20), size=lambda k: k % 10)
+        assert [k for k, _, _ in found] == list(range(20))
+        for pid in {pid for _, pid, _ in found}:
+            taken = [k % 10 for k, _, _ in sorted(found, key=lambda f: f[2]) if found[k][1] == pid]
+            assert taken == sorted(taken, reverse=True)
+
     def test_shared_objects_stay_themselves(self):
         things = [object() for _ in range(20)]
         found = abreast(lambda k: (slowly(k), {"here": things[k]}), range(20), things)
