@@ -5,7 +5,7 @@ metric of the nuisance covariance; its evidence is Laplace's approximation about
 discrepancy (MacKay 2003, Information Theory, Inference, and Learning Algorithms, ch. 27-28).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -211,15 +211,19 @@ class Fitter:
         scaled = np.where(free, points * np.clip(size, 0.0, 3.0)[:, None], points)
         return np.concatenate([points, [inside(p, term.parameters) for p in scaled]])
 
-    def promise(self, term: Term, hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()) -> tuple[float, Floats]:
-        """How far one term more may lower the objective, and from which start.
+    def promises(
+        self, ways: Sequence[Term], hyper: Hyper, beside: Fit, extra: tuple[Extra, ...] = ()
+    ) -> list[tuple[float, Floats]]:
+        """How far each of some terms more may lower the objective, and from which start.
 
         The change that a start makes is scaled to what fits best, as if the model were linear in it and in the
         parameters of the others: what a first mechanism took of the second's, it gives back.
         """
-        points = _starts(term)
-        terms = (*beside.terms, term)
-        moved = [beside.residual - self.residual(terms, np.concatenate([beside.theta, p])) for p in points]
+        points = [(k, p) for k, term in enumerate(ways) for p in _starts(term)]
+        moved = [
+            beside.residual - self.residual((*beside.terms, ways[k]), np.concatenate([beside.theta, p]))
+            for k, p in points
+        ]
         gram = self.whitener(hyper, extra).gram(np.column_stack([beside.residual, *moved, beside.jacobian]))
         n = 1 + len(points)
         prior = Prior.of(beside.parameters)
@@ -227,9 +231,10 @@ class Fitter:
         left = gram[:n, :n] - gram[:n, n:] @ given_back
         onto, size = left[0, 1:], np.diag(left)[1:]
         scaled = np.where(onto > 0.0, onto**2 / np.maximum(size, 1e-12), 0.0)
-        drop = np.maximum(scaled, 2.0 * gram[0, 1:n] - np.diag(gram)[1:n])
-        best = int(np.argmax(drop))
-        return float(drop[best]), points[best]
+        scales = np.array([len(p) > 0 for _, p in points])  # what has no parameter is there or is not
+        drop = np.maximum(np.where(scales, scaled, -np.inf), 2.0 * gram[0, 1:n] - np.diag(gram)[1:n])
+        best = [max((k for k, (way, _) in enumerate(points) if way == w), key=drop.item) for w in range(len(ways))]
+        return [(float(drop[k]), points[k][1]) for k in best]
 
     def weigh(
         self,

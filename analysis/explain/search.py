@@ -16,7 +16,7 @@ from analysis.cases.model import Floats
 from analysis.explain.abreast import abreast
 from analysis.explain.clock_under_cloud import SHOWN_ITSELF, clock_under_cloud
 from analysis.explain.families import UNREST
-from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, without
+from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, posterior_covariance, without
 from analysis.explain.form_error import form_error
 from analysis.explain.hypers import STRIDES
 from analysis.explain.hypothesis import Hypothesis
@@ -34,6 +34,8 @@ _PROMISING = 12.0
 """A mechanism is fitted beside others only where it may lower the objective by this (twice the nats it could gain)."""
 
 
+_HOPELESS = 100.0
+"""What raises the objective by so much is not weighed at sizes of its own."""
 _A_SHARE = 0.25
 """What its form may have wrong is asked of mechanisms that gain such a share of what the best gains."""
 _LARGER = (1.0, 4.0)
@@ -85,7 +87,7 @@ class Search:
     @cached_property
     def looks(self) -> dict[str, list[Fit]]:
         """Each parametric mechanism's most promising ways as they fit at usual sizes, not weighed."""
-        return dict(zip(self._terms, self._abreast(self._fit_ways, self._terms.values()), strict=True))
+        return dict(zip(self._terms, self._abreast(self._fit_ways, self._terms.values(), size=len), strict=True))
 
     def nothing(self) -> Hypothesis:
         """The hypothesis that nothing was left out."""
@@ -95,11 +97,11 @@ class Search:
 
     def singles(self) -> list[Hypothesis]:
         """One hypothesis per parametric mechanism, best first."""
-        fits = dict(zip(self.looks, self._abreast(self._weighed, self.looks.values()), strict=True))
+        fits = dict(zip(self.looks, self._abreast(self._weighed, self.looks.values(), size=len), strict=True))
         nothing = self.nothing().evidence
         best = max((f.log_evidence for ways in fits.values() for f in ways), default=nothing)
         least = nothing + max(_A_SHARE * (best - nothing), 0.0)
-        allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values())
+        allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values(), size=len)
         fits = dict(zip(fits, allowed, strict=True))
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.on_the_roof:
@@ -121,16 +123,26 @@ class Search:
         return [self._best_fit((term,), starts) for _, term, starts in kept]
 
     def _weighed(self, looks: list[Fit]) -> list[Fit]:
-        """First looks' fits with their evidence; fitted again, if readings were quieted since."""
-        whole = self.before_quieting is self
+        """First looks' fits with their evidence; fitted again, if readings were quieted since.
+
+        What fits far worse than nothing is told at the sizes where fits begin: at those where all is noise it may err.
+        """
+        whole, nothing = self.before_quieting is self, self.nothing()
         fits = [replace(f) if whole else self.fitter.fit(f.terms, f.theta, MIDDLE) for f in looks]
-        self.fitter.weigh(fits)
+        least = self.fitter.fit((), np.zeros(0), MIDDLE).objective
+        self.fitter.weigh([f for f in fits if f.objective <= least + _HOPELESS])
+        for f in fits:
+            if f.objective > least + _HOPELESS:
+                f.log_evidence = nothing.evidence - 0.5 * (f.objective - least)
+                f.covariance = posterior_covariance(self.fitter.whitener(MIDDLE), f)
         return fits
 
-    def _abreast(self, work: Callable[[X], Y], items: Iterable[X], *shared: object) -> list[Y]:
+    def _abreast(
+        self, work: Callable[[X], Y], items: Iterable[X], *shared: object, size: Callable[[X], int] | None = None
+    ) -> list[Y]:
         """`abreast`, whose results may hold this search's terms."""
         terms = [t for ways in (*self._terms.values(), *self.conjectures.values()) for t in ways]
-        return abreast(work, items, (*terms, *shared))
+        return abreast(work, items, (*terms, *shared), size)
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
         """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
@@ -192,7 +204,7 @@ class Search:
         """
         others = [terms for m, terms in (self._terms if among is None else among).items() if m not in first.ids]
         known = (*first.fit.terms, *(wander for wander, _, _ in first.wanders))
-        found = self._abreast(lambda terms: self._one_beside(first, terms, extra), others, *known)
+        found = self._abreast(lambda terms: self._one_beside(first, terms, extra), others, *known, size=len)
         return sorted((h for h in found if h is not None), key=lambda h: -h.evidence)
 
     def _one_beside(self, first: Hypothesis, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> Hypothesis | None:
@@ -204,11 +216,11 @@ class Search:
         return replace(self._joined(fits, len(terms)), wanders=first.wanders)
 
     def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:
-        looks = [(*self.fitter.promise(term, MIDDLE, first, extra), term) for term in terms]
-        looks.sort(key=lambda look: -look[0])
+        looks = list(zip(self.fitter.promises(terms, MIDDLE, first, extra), terms, strict=True))
+        looks.sort(key=lambda look: -look[0][0])
         return [
             self.fitter.fit((*first.terms, term), np.concatenate([first.theta, start]), MIDDLE, extra)
-            for drop, start, term in looks[:2]
+            for (drop, start), term in looks[:2]
             if drop > _PROMISING
         ]
 

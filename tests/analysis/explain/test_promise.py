@@ -30,7 +30,7 @@ def test_a_first_mechanism_gives_back_what_it_took_of_the_second(
     fitter = Fitter(Scene(Readings.of(case)))
     one, other = (terms_of(BY_ID[m], fitter.scene)[0] for m in (first, second))
     alone = fitter.fit((one,), np.array([p.starts[0] for p in one.parameters]), MIDDLE)
-    drop, start = fitter.promise(other, MIDDLE, alone)
+    ((drop, start),) = fitter.promises((other,), MIDDLE, alone)
     both = fitter.fit((one, other), np.concatenate([alone.theta, start]), MIDDLE)
     assert drop > 20.0
     assert drop == pytest.approx(alone.objective - both.objective, rel=0.1)

@@ -10,7 +10,7 @@ import pytest
 from analysis.cases import Case, write_case
 from analysis.cases.model import Records
 from analysis.explain.answer import answer
-from analysis.explain.fit import Fitter
+from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.mechanisms.base import in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mismatch import explain
@@ -125,3 +125,19 @@ def test_an_exchange_of_one_test_is_none_at_other_times(tmp_path: Path) -> None:
     assert again.tests == {7}
     late = {key: value + 30 * 86400.0 for key, value in way.branch.facts.items()}
     assert in_its_state(whole, scene, way.branch.label, late).tests == frozenset()
+
+
+def test_an_exchange_promises_nothing_beside_others_where_none_was(tmp_path: Path) -> None:
+    """What it changes is there or is not: a hundredth of it, which may fit what is left, is no exchange."""
+    fitter = Fitter(Scene(Readings.of(tubes(tmp_path / "case", read([0, 1, 2, 3, 4])))))
+    nothing = fitter.fit((), np.zeros(0), MIDDLE)
+    ways = terms_of(BY_ID["channel-swap"], fitter.scene)
+    assert max(drop for drop, _ in fitter.promises(ways, MIDDLE, nothing)) < -100.0
+
+
+def test_what_fits_far_worse_than_nothing_is_told_by_how_far(tmp_path: Path) -> None:
+    """Its sizes are not looked for; what does not fit by thousands was once the best, at sizes it was not fitted at."""
+    search = Search(Fitter(Scene(Readings.of(tubes(tmp_path / "case", read([0, 1, 2, 3, 4]))))), conjectures=())
+    found = {h.ids[0]: h.evidence for h in search.singles()}
+    assert found["channel-swap"] < search.nothing().evidence - 50.0
+    assert max(found.values()) < search.nothing().evidence + 10.0
