@@ -18,7 +18,7 @@ from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mismatch import Explanation, explain
 from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings
-from analysis.explain.repeats import repeats
+from analysis.explain.repeats import Repeats, repeats
 from analysis.explain.scene import Scene
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, Floats, Rows, Sky, Truth, light, make_case, rows_of
@@ -158,6 +158,13 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
     assert gain > 3.0
     gain, expected = _nadir_gain(tmp_path / "shape", shape)
     assert gain < 0.0 < expected
+
+
+def test_repeats_contradict_a_cloud_only_where_they_are_likelier_without() -> None:
+    """Of a cloud of 2.2 % they told 2.6 nats, the scatter holding the rest; where there was none, -13 and less."""
+    assert not Repeats(2.6, 14.0).contradict
+    assert Repeats(-2.0, 14.0).contradict
+    assert not Repeats(-2.0, 2.0).contradict  # it would hardly have shown
 
 
 def test_a_room_found_is_the_room_simulated(tmp_path: Path) -> None:
