@@ -25,6 +25,7 @@ from analysis.explain.thresholds import (
     NAME_FIRST_RANDOM,
     NAME_SECOND,
     NAME_SECOND_BELOW,
+    NAME_SECOND_EXPOSURES,
     NAME_SECOND_LENS,
     NAME_SECOND_RANDOM,
     RUNNER_UP,
@@ -36,6 +37,8 @@ from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, sh
 
 _OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
+_NO_LAWS_OF_LEVEL = {"projection-error", "vignetting", "clock-offset"}
+"""What changes a picture by place or time: no random function of the level holds it."""
 _FEW_NUMBERS = 2
 """A form with more parameters than this bends to ripple."""
 
@@ -80,6 +83,19 @@ def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
+
+
+def _needed_beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:
+    """What a further mechanism must gain beside others."""
+    began = any(t.tests is not None for t in best.fit.terms if t.mechanism.id == new)  # the likest of hundreds
+    held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
+    left = max(misfit(h, found.nothing) for h in (base, found.best))
+    if random and found.pictures:
+        return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
+    if random:
+        return NAME_SECOND_RANDOM + held + left
+    usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
+    return left + (NAME_SECOND_RANDOM if began else NAME_SECOND_LENS if _like_a_lens(best, base) else usual)
 
 
 def _few(search: Search) -> float:
@@ -188,11 +204,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    began = any(t.tests is not None for t in best.fit.terms if t.mechanism.id == new)  # the likest of hundreds
-    usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
-    needed = NAME_SECOND_RANDOM if random or began else NAME_SECOND_LENS if _like_a_lens(best, base) else usual
-    needed += max(misfit(h, found.nothing) for h in (base, found.best))
-    needed += HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0) if random else 0.0
+    needed = _needed_beside(best, base, found, new, random)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
@@ -212,8 +224,9 @@ def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:
 
 
 def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
-    """Whether what ``h`` adds to ``base`` looks like a lens simulated a little wrong."""
-    return any(t.mechanism.like_a_lens for t in h.fit.terms if t.mechanism.id not in base.ids)
+    """Whether what ``h`` adds to ``base`` looks like a lens simulated a little wrong, and was not simulated with it."""
+    added = [t for t in h.fit.terms if t.mechanism.id not in base.ids]
+    return any(t.mechanism.like_a_lens and not t.branch.of_case for t in added)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:

@@ -4,8 +4,10 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_optics, temper, traced
+from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AHEAD,
@@ -162,9 +164,14 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
         return MISFIT_LENS * gain
     if any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
-    wrong = max((t.mechanism.form_error for t in h.fit.terms), default=0.0)
+    wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
     return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
+
+
+def _wrong(term: Term) -> float:
+    """How wrong a form may be, relative to its effect; one that the case brings is the prediction's own."""
+    return min(term.mechanism.form_error, OF_CASE) if term.branch.of_case else term.mechanism.form_error
 
 
 def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list[str]:

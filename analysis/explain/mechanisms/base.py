@@ -56,16 +56,19 @@ class Branch:
     facts
         Numbers taken from the case that was fitted (a reference level, say), so that the same law can be applied
         to another case.
+    brought
+        Whether the case brings the change itself, in another form than a path of settings.
     """
 
     label: str = ""
     value: Any = None
     facts: dict[str, float] = field(default_factory=dict)
+    brought: bool = False
 
     @property
     def of_case(self) -> bool:
         """Whether the case brings the change itself, as a variant of its own simulation."""
-        return isinstance(self.value, Path) and self.value.of_case
+        return self.brought or (isinstance(self.value, Path) and self.value.of_case)
 
 
 Reported = dict[str, dict[str, float | str]]

@@ -65,11 +65,13 @@ class NearField(Mechanism):
         likened and another's not: each is simulated alone, too, beside the others' closed form.
         """
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
+        brought = scene.retraced is not None and "near-field" in scene.retraced.case_paths
         ways = {"traced": 1.0, "halfway": 0.5} if retraced else {}
         systems = systems_on_the_arm(scene)
         apart = [(f"{label}, {name} only", {k: share}) for label, share in ways.items() for k, name in systems.items()]
         together = [(label, dict.fromkeys(systems, share)) for label, share in {"closed form": 0.0, **ways}.items()]
-        return tuple(Branch(label, share) for label, share in together + (apart if len(systems) > 1 else []))
+        tried = together + (apart if len(systems) > 1 else [])
+        return tuple(Branch(label, share, brought=brought and label.startswith("traced")) for label, share in tried)
 
     def displaces_deg(self, scene: Scene) -> float:
         """The aperture's half width as the sensors see it."""

@@ -8,15 +8,20 @@ import pytest
 
 from analysis.explain import again, likeness, settings, tracing
 from analysis.explain.fields import GAMMA_DEG, solid_angle
+from analysis.explain.fit import Fit
+from analysis.explain.form_error import OF_CASE
 from analysis.explain.geometry import blurred
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
+from analysis.explain.parameter import Parameter
 from analysis.explain.ratios import ratio
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.settings import EVENED, EVENED_DEG, UNLIMITED
 from analysis.explain.tracing import IMAGE_DEG, Tracing
+from analysis.explain.verdict import misfit
 from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.test_mechanisms import term
 
@@ -280,6 +285,25 @@ def test_a_near_field_halfway_is_the_mean_of_both_ways(scene: Scene) -> None:
         ends = [getattr(lights[way], part) for way in ("closed form", "traced")]
         assert np.max(np.abs(ends[0] - ends[1])) > 0.0
         assert getattr(lights["halfway"], part) == pytest.approx((ends[0] + ends[1]) / 2.0)
+
+
+def test_a_near_field_that_the_case_brings_is_its_own(scene: Scene) -> None:
+    """The form is the prediction's own then, and leaves less for others."""
+    assert not any(t.branch.of_case for t in terms_of(BY_ID["near-field"], scene))
+    assert scene.retraced is not None
+    weight = Parameter("weight", "1", "share", 0.0, 1.0, 1.0, (1.0,))
+    path = Path("near", weight, np.array([0.0, 1.0]), *np.ones((2, 2, *scene.fields.sun.shape)), of_case=True)
+    brought = replace(scene, retraced=replace(scene.retraced, case_paths={"near-field": (path,)}))
+    ways = {t.branch.label: t for t in terms_of(BY_ID["near-field"], brought)}
+    assert [label for label, t in ways.items() if t.branch.of_case] == [
+        "traced",
+        "traced, box only",
+        "traced, tube only",
+    ]
+    nothing, left = Hypothesis(Fit((), *np.zeros((3, 0))), 0.0), {}
+    for label in ("traced", "closed form"):
+        left[label] = misfit(Hypothesis(Fit((ways[label],), *np.zeros((3, 0))), 100.0), nothing)
+    assert left["traced"] == pytest.approx(OF_CASE**2 * 100.0) and left["closed form"] > left["traced"]
 
 
 def test_a_near_field_is_traced_in_one_system_alone_too(scene: Scene) -> None:

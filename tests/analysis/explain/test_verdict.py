@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from analysis.explain.conclude import _needed, _wandering_beside, conclude
+from analysis.explain.conclude import _needed, _needed_beside, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -30,6 +30,10 @@ from analysis.explain.thresholds import (
     MOST_MISFIT,
     NAME_FIRST_BELOW,
     NAME_FIRST_FREE,
+    NAME_SECOND_BELOW,
+    NAME_SECOND_EXPOSURES,
+    NAME_SECOND_LENS,
+    NAME_SECOND_RANDOM,
     OF_CASE_ODDS,
     RELIABLE,
     SURE,
@@ -461,6 +465,33 @@ def test_a_change_that_the_case_brings_leaves_little_for_others(arm: Scene) -> N
         left.append(misfit(found.best, found.nothing))
     assert left == [pytest.approx(MISFIT_LENS * 1000.0), pytest.approx(MOST_MISFIT)]
     assert MOST_MISFIT < MISFIT_LENS * 1000.0
+
+
+def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:
+    asked = []
+    for of_case in (False, True):
+        first, both = (_hypothesis(arm, 100.0, *ids) for ids in (("c-offset",), ("c-offset", "lens-orientation")))
+        path = Path("turned", both.fit.terms[1].parameters[0], np.zeros(2), *np.ones((2, 2, 1, 1, 1)), of_case=of_case)
+        both.fit.terms = (both.fit.terms[0], replace(both.fit.terms[1], branch=Branch("turned", path)))
+        found = Conclusion(first, _hypothesis(arm, 0.0), [first])
+        asked.append(
+            _needed_beside(both, first, found, "lens-orientation", random=False) - misfit(first, found.nothing)
+        )
+    assert asked == [NAME_SECOND_LENS, NAME_SECOND_BELOW]
+
+
+def test_errors_of_the_exposures_hold_what_laws_of_the_level_leave(picture: Scene) -> None:
+    """Beside a wrong projection they hold nothing; and an arm's random effect must gain more beside either."""
+    nothing, asked = _hypothesis(picture, 0.0), {}
+    for name in ("projection-error", "veiling-glare"):
+        first = _hypothesis(picture, 300.0, name)
+        both = replace(first, wanders=((SHUTTER, 0.05, 1.0),))
+        found = Conclusion(first, nothing, [first], one_instrument=True, pictures=True)
+        asked[name] = _needed_beside(both, first, found, "exposure-error", random=True)
+        arm = replace(found, pictures=False)
+        assert _needed_beside(both, first, arm, "exposure-error", random=True) > NAME_SECOND_RANDOM
+    assert asked["projection-error"] == NAME_SECOND_EXPOSURES
+    assert asked["veiling-glare"] == pytest.approx(NAME_SECOND_EXPOSURES + HOLDS_LAWS * 300.0)
 
 
 def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
