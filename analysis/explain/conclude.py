@@ -4,6 +4,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.alone import odd_readings
+from analysis.explain.calibration import state
 from analysis.explain.conclusion import Conclusion, Unnamed, doubles
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
@@ -67,6 +68,7 @@ def conclude(search: Search) -> Conclusion:
     decide(found, few)
     if name_the_sure(found):
         _look_for_unnamed(search, found)
+    state(found)
     share_with_doubles(found)
     if found.best.ids:
         _widen(search, found)

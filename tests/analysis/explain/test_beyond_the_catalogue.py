@@ -161,7 +161,7 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
 
 
 def test_repeats_contradict_a_cloud_only_where_they_are_likelier_without() -> None:
-    """Of a cloud of 2.2 % they told 2.6 nats, the scatter holding the rest; where there was none, -13 and less."""
+    """Of a cloud of 2.2 % they told 2.6 nats, the scatter holding the rest; where there was none, -12 and less."""
     assert not Repeats(2.6, 14.0).contradict
     assert Repeats(-2.0, 14.0).contradict
     assert not Repeats(-2.0, 2.0).contradict  # it would hardly have shown
