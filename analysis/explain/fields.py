@@ -100,7 +100,11 @@ def _through(gamma_deg: Floats, rings: list[tuple[Floats, Floats]]) -> Floats:
     top = max((float(candela.max()) for _, candela in rings), default=0.0)
     if top <= 0.0:
         return np.zeros((len(C_DEG), len(GAMMA_DEG)))
-    table = np.stack([_around(c_deg, candela / top) for c_deg, candela in rings], axis=1)
+    planes, lights = [c_deg for c_deg, _ in rings], [candela / top for _, candela in rings]
+    if all(np.array_equal(planes[0], c_deg) for c_deg in planes[1:]):
+        table = _around(planes[0], np.stack(lights, axis=1))
+    else:
+        table = np.concatenate([_around(c, share[:, None]) for c, share in zip(planes, lights, strict=True)], axis=1)
     if gamma_deg[0] == 0.0:
         table[:, 0] = table[:, 0].mean()
     if gamma_deg[-1] < 90.0:
@@ -111,11 +115,16 @@ def _through(gamma_deg: Floats, rings: list[tuple[Floats, Floats]]) -> Floats:
     return np.asarray(top * np.maximum(field - _FLOOR, 0.0))
 
 
-def _around(c_deg: Floats, share: Floats) -> Floats:
-    """Logarithms of one ring at `C_DEG`: mean of repeats, then a periodic cubic spline (linear under four planes)."""
+def _around(c_deg: Floats, shares: Floats) -> Floats:
+    """Logarithms (P, R) of rings (N, R) at `C_DEG`: mean of repeats, then a periodic cubic spline.
+
+    Linear under four planes.
+    """
     planes, where = np.unique(np.round(c_deg, 3), return_inverse=True)
-    mean = np.log(np.maximum(np.bincount(where, weights=share) / np.bincount(where), 0.0) + _FLOOR)
+    total = np.zeros((len(planes), shares.shape[1]))
+    np.add.at(total, where, shares)
+    mean = np.log(np.maximum(total / np.bincount(where)[:, None], 0.0) + _FLOOR)
     if len(planes) < 4:
-        return np.interp(C_DEG, planes, mean, period=360.0)
-    spline = CubicSpline(np.append(planes, planes[0] + 360.0), np.append(mean, mean[0]), bc_type="periodic")
+        return np.stack([np.interp(C_DEG, planes, ring, period=360.0) for ring in mean.T], axis=1)
+    spline = CubicSpline(np.append(planes, planes[0] + 360.0), np.concatenate([mean, mean[:1]]), bc_type="periodic")
     return np.asarray(spline(planes[0] + np.mod(C_DEG - planes[0], 360.0)), dtype=np.float64)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cases.model import Parts
-from analysis.explain.fields import C_DEG, GAMMA_DEG, fields_of, from_files
+from analysis.explain.fields import C_DEG, GAMMA_DEG, _from_rows, fields_of, from_files
 from analysis.explain.geometry import bilinear
 from analysis.explain.readings import Readings
 from analysis.explain.sampler import Sampler
@@ -89,3 +89,11 @@ def test_a_dark_part_is_dark(tmp_path: Path) -> None:
     rows = Readings.of(make_case(tmp_path / "case", files=False))
     rows.sun[:] = 0.0
     assert np.all(fields_of(rows).sun == 0.0)
+
+
+def test_rings_read_together_are_as_each_by_itself() -> None:
+    """A ring with a plane read twice has planes of its own; the field is the same."""
+    gamma, c = np.meshgrid(np.arange(0.0, 90.0, 7.5), np.arange(0.0, 360.0, 15.0))
+    rows = gamma.ravel(), c.ravel(), image(gamma.ravel(), c.ravel())
+    twice = (np.append(part, part[37]) for part in rows)
+    assert _from_rows(*twice) == pytest.approx(_from_rows(*rows), rel=1e-9)
