@@ -97,8 +97,9 @@ class Search:
 
     def singles(self) -> list[Hypothesis]:
         """One hypothesis per parametric mechanism, best first."""
-        fits = dict(zip(self.looks, self._abreast(self._weighed, self.looks.values(), size=len), strict=True))
-        nothing = self.nothing().evidence
+        alone = self.nothing()
+        weighed = self._abreast(lambda looks: self._weighed(looks, alone), self.looks.values(), size=len)
+        fits, nothing = dict(zip(self.looks, weighed, strict=True)), alone.evidence
         best = max((f.log_evidence for ways in fits.values() for f in ways), default=nothing)
         least = nothing + max(_A_SHARE * (best - nothing), 0.0)
         allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values(), size=len)
@@ -122,14 +123,13 @@ class Search:
         kept += [] if any(look[1].branch.of_case for look in kept) else brought[:1]
         return [self._best_fit((term,), starts) for _, term, starts in kept]
 
-    def _weighed(self, looks: list[Fit]) -> list[Fit]:
+    def _weighed(self, looks: list[Fit], nothing: Hypothesis) -> list[Fit]:
         """First looks' fits with their evidence; fitted again, if readings were quieted since.
 
         What fits far worse than nothing is told at the sizes where fits begin: at those where all is noise it may err.
         """
-        whole, nothing = self.before_quieting is self, self.nothing()
+        whole, least = self.before_quieting is self, nothing.fit.objective
         fits = [replace(f) if whole else self.fitter.fit(f.terms, f.theta, MIDDLE) for f in looks]
-        least = self.fitter.fit((), np.zeros(0), MIDDLE).objective
         self.fitter.weigh([f for f in fits if f.objective <= least + _HOPELESS])
         for f in fits:
             if f.objective > least + _HOPELESS:
