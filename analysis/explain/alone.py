@@ -87,7 +87,7 @@ def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wa
         return None
     columns = np.eye(count)[:, odd]
     ways = _USUAL + float(gammaln(count + 1) - gammaln(len(odd) + 1) - gammaln(count - len(odd) + 1))
-    return Wander("odd readings", f"{len(odd)} readings that stand alone", lambda *_: columns, SIZES, (1.0,)), ways
+    return Wander("odd readings", f"{len(odd)} readings that stand alone", (lambda *_: columns,), SIZES, (1.0,)), ways
 
 
 def _odd(search: Search, fit: Fit, extra: tuple[Extra, ...], edge_deg: float = 0.0) -> Ints:

@@ -91,20 +91,20 @@ def _of_the_best(e: Explanation) -> list[dict[str, Any]]:
                 "statement": term.mechanism.statement(theta, term.branch),
             }
         )
-    for wander, amplitude, length in found.best.wanders:
+    for wandering in found.best.wanders:
+        wander = wandering.wander
         if wander.mechanism is None or wander.name in fit.ids:
             continue
-        p = wander.mechanism.parameters
+        sized = list(zip(wander.mechanism.parameters, wandering.told, strict=False))
         rows.append(
             {
                 "id": wander.name,
                 "probability": _round(found.probability.get(wander.name, 0.0)),
                 "parameters": {
-                    p[0].name: {"value": amplitude, "uncertainty": _round(amplitude / 3), "unit": p[0].unit},
-                    p[1].name: {"value": length, "uncertainty": _round(length / 2), "unit": p[1].unit},
+                    p.name: {"value": _round(x), "uncertainty": _round(u), "unit": p.unit} for p, (x, u) in sized
                 },
                 "way": wander.along,
-                "statement": wander.mechanism.statement(np.array([amplitude, length]), _no_branch()),
+                "statement": wander.mechanism.statement(np.array([x for _, (x, _) in sized]), _no_branch()),
             }
         )
     return sorted(rows, key=lambda row: -float(row["probability"]))

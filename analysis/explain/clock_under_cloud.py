@@ -11,6 +11,7 @@ from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.wander import Wandering
 
 SHOWN_ITSELF = 8.0
 """What a clock's offset must gain [nats] before the scatter under cloud tells its size. (On another author's roofs
@@ -30,18 +31,19 @@ def clock_under_cloud(fitter: Fitter, ways: tuple[Term, ...]) -> Hypothesis | No
     made = [h for root_min in UNREST.amplitudes for way in ways for h in _with_scatter(fitter, way, root_min)]
     logs = np.array([h.evidence for h in made])
     best = max(made, key=lambda h: h.evidence)
-    if not evenly_restless(fitter.scene, best.fit.residual, best.wanders[0][1]):
+    if not evenly_restless(fitter.scene, best.fit.residual, best.wanders[0].amplitude):
         return None
     off = np.array([float(h.fit.theta[0] - best.fit.theta[0]) for h in made])
     shares = np.exp(logs - np.logaddexp.reduce(logs))
-    sizes = np.array([h.wanders[0][1] ** 2 for h in made])  # that clouds walk at random is roughly so
+    sizes = np.array([h.wanders[0].amplitude ** 2 for h in made])  # that clouds walk at random is roughly so
     best.fit.spread = np.array([[float(shares @ (off**2 + sizes**2))]])  # and earlier or later is often left open
     return replace(best, evidence=float(np.logaddexp.reduce(logs) - np.log(len(made))))
 
 
 def _with_scatter(fitter: Fitter, way: Term, root_min: float) -> list[Hypothesis]:
     """One way with a scatter of one size, earlier and later."""
-    extra = (UNREST.extra(fitter.scene, root_min, 1.0),)
+    unrest = Wandering(UNREST, root_min)
+    extra = (unrest.extra(fitter.scene),)
     about = root_min**2
     usual, far = (max(x * about, min(y * about, most)) for x, y, most in (_AS_FAR, _FARTHEST))
     p = replace(way.parameters[0], low=-far, high=far, sigma=usual, starts=(-usual, usual))
@@ -49,5 +51,5 @@ def _with_scatter(fitter: Fitter, way: Term, root_min: float) -> list[Hypothesis
     for start in p.starts:
         fit = fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
         fitter.weigh([fit], extra)
-        made.append(Hypothesis(fit, fit.log_evidence, ((UNREST, root_min, 1.0),)))
+        made.append(Hypothesis(fit, fit.log_evidence, (unrest,)))
     return made

@@ -157,8 +157,8 @@ def _wandering_beside(
     tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
     kept = []
     for h in search.each_wandering(base, named_wanders(search.scene, tried), extra):
-        wander, amplitude, length = h.wanders[-1]
-        told = repeats(search.scene, base.fit, wander, amplitude, length) if wander is CLOUD else None
+        wander = h.wanders[-1].wander
+        told = repeats(search.scene, base.fit, h.wanders[-1]) if wander is CLOUD else None
         if told and told.contradict:
             found.contradicted[wander.name] = "readings of one direction at several moments of a test do not show it"
             continue
@@ -245,14 +245,14 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
     alone = search.reweighed(base, extra)
     found = []
     for h in search.each_wandering(base, unnamed_wanders(search.scene), extra):
-        family, size, _ = h.wanders[-1]
-        found.append(Unnamed(family.along, h.evidence - alone, size, weighed=h))
+        some = h.wanders[-1]
+        found.append(Unnamed(some.wander.along, h.evidence - alone, some.amplitude, weighed=h))
     whole = search.before_quieting
     if odd := odd_readings(whole, base.fit, extra):
         family, ways = odd
         h = whole.wandering(base, family, extra)
         gain = h.evidence - ways - whole.reweighed(base, extra)
-        found.append(Unnamed(family.along, gain, h.wanders[-1][1], single=True, weighed=h))
+        found.append(Unnamed(family.along, gain, h.wanders[-1].amplitude, single=True, weighed=h))
     for h in search.beside(base, extra, search.conjectures):
         law = h.fit.terms[-1]
         size = float(h.fit.theta[-len(law.parameters)])

@@ -162,7 +162,7 @@ class Conclusion:
         """What a law gains; the scatter that tells a clock under broken cloud is there beside a slow meter, too."""
         clocks = [h for h in self.singles if h.ids == (UNREST.name,)]
         plain = [h.evidence for h in clocks if not h.wanders]
-        scattered = self.best.first == UNREST.name and any(w is UNREST for w, _, _ in self.best.wanders)
+        scattered = self.best.first == UNREST.name and any(x.wander is UNREST for x in self.best.wanders)
         if law.along != Sluggish.id or not plain or not scattered:
             return law.gain
         return law.gain + max(h.evidence for h in clocks) - plain[0]

@@ -7,22 +7,29 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain import wander as w
+from analysis.explain import along
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
 from analysis.explain.series import unrest
+from analysis.explain.wander import Wander
 
-CLOUD = w.Wander(
-    "cloud-drift", "time within each test", w.in_time, (0.008, 0.02, 0.05, 0.12), (25.0, 60.0), BY_ID["cloud-drift"]
+CLOUD = Wander(
+    "cloud-drift",
+    "time within each test",
+    (along.in_time, along.roughly_in_time),
+    (0.008, 0.02, 0.05, 0.12, 0.3),
+    (25.0, 60.0, 140.0),
+    BY_ID["cloud-drift"],
 )
-SHUTTER = w.Wander(
-    "exposure-error", "luminance level", w.in_luminance, (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"]
+"""A thin cloud dims the sun smoothly, the edges of others do so in steps of all sizes."""
+SHUTTER = Wander(
+    "exposure-error", "luminance level", (along.in_luminance,), (0.02, 0.05, 0.1), (1.0,), BY_ID["exposure-error"]
 )
 
-UNREST = w.Wander(
+UNREST = Wander(
     "clock-offset",
     "time, under broken cloud",
-    w.in_broken_cloud,
+    (along.in_broken_cloud,),
     (0.12, 0.25, 0.5, 1.0, 2.0),
     (1.0,),
     BY_ID["clock-offset"],
@@ -36,51 +43,59 @@ SIZES = (0.03, 0.10, 0.30)
 """Relative standard deviations of unnamed structure that are tried."""
 
 
-def named_wanders(scene: Scene, tried: set[str]) -> tuple[w.Wander, ...]:
+def named_wanders(scene: Scene, tried: set[str]) -> tuple[Wander, ...]:
     """The catalogue's random effects that can be tried on this scene."""
     return tuple(x for x in (CLOUD, SHUTTER) if x.name in tried)
 
 
-def unnamed_wanders(scene: Scene) -> tuple[w.Wander, ...]:
+def unnamed_wanders(scene: Scene) -> tuple[Wander, ...]:
     """Unnamed structure along the coordinates that this scene has."""
     r = scene.readings
     tests = len(np.unique(r.test))
     found = []
     if "goniometer" in scene.kinds:
         found += [
-            w.Wander("factor by direction", "direction, fixed in the room", w.in_direction, SIZES, (10.0, 28.0)),
-            w.Wander(
-                "light by direction", "direction, fixed in the room, added", w.added_in_direction, SIZES, (10.0, 28.0)
+            Wander("factor by direction", "direction, fixed in the room", (along.in_direction,), SIZES, (10.0, 28.0)),
+            Wander(
+                "light by direction",
+                "direction, fixed in the room, added",
+                (along.added_in_direction,),
+                SIZES,
+                (10.0, 28.0),
             ),
-            w.Wander("factor by gamma", "gamma", w.in_gamma, SIZES, (14.0,)),
-            w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (2.0,)),
+            Wander("factor by gamma", "gamma", (along.in_gamma,), SIZES, (14.0,)),
+            Wander("factor by level", "level of the reading", (along.in_level,), SIZES, (2.0,)),
         ]
     elif "sky" in scene.kinds:
-        found.append(w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (2.0,)))
+        found.append(Wander("factor by level", "level of the reading", (along.in_level,), SIZES, (2.0,)))
         if np.any(~np.isnan(r.gamma_deg)) and np.nanmax(r.gamma_deg) - np.nanmin(r.gamma_deg) > 10:
             found.append(
-                w.Wander("factor by direction", "direction in the picture", w.in_direction, SIZES, (12.0, 35.0))
+                Wander("factor by direction", "direction in the picture", (along.in_direction,), SIZES, (12.0, 35.0))
             )
             if not np.any(np.isnan(r.sun_azimuth_at_deg)):
                 found.append(
-                    w.Wander(
-                        "factor in the sun's frame", "direction from the sun", w.in_suns_frame, SIZES, (15.0, 40.0)
+                    Wander(
+                        "factor in the sun's frame",
+                        "direction from the sun",
+                        (along.in_suns_frame,),
+                        SIZES,
+                        (15.0, 40.0),
                     )
                 )
     else:
-        found.append(w.Wander("factor by level", "level of the reading", w.in_level, SIZES, (0.7,)))
+        found.append(Wander("factor by level", "level of the reading", (along.in_level,), SIZES, (0.7,)))
         if r.has_times:
-            found.append(w.Wander("factor by time of day", "the time of day", w.in_time_of_day, SIZES, (80.0,)))
+            found.append(Wander("factor by time of day", "the time of day", (along.in_time_of_day,), SIZES, (80.0,)))
     suns = np.isfinite(r.altitude_deg) & np.isfinite(r.azimuth_deg)
     if tests > 2 and np.all(suns) and r.has_parts:
-        found.append(w.Wander("sun part by sun's place", "the sun's place", w.in_sun, SIZES, (12.0,)))
+        found.append(Wander("sun part by sun's place", "the sun's place", (along.in_sun,), SIZES, (12.0,)))
     if r.has_times and np.max(np.bincount(r.test)) >= 20:
         longest = max(float(np.ptp(r.utc_ns[r.test == k])) / 1e9 for k in np.unique(r.test))
         steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
-        found.append(w.Wander("factor by scan order", "time since the test began", w.in_scan_order, SIZES, steps))
+        found.append(Wander("factor by scan order", "time since the test began", (along.in_scan_order,), SIZES, steps))
     if r.has_times and tests > 3:
         lengths = (60.0,) if "goniometer" in scene.kinds else (60.0, 6000.0)  # a meter ages over days
-        found.append(w.Wander("factor by hour", "time over the campaign", w.in_hours, SIZES, lengths))
+        found.append(Wander("factor by hour", "time over the campaign", (along.in_hours,), SIZES, lengths))
     return tuple(found)
 
 

@@ -9,10 +9,10 @@ local function of direction. Shares are those by which forms missed in a blind t
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain.along import sphere
 from analysis.explain.fit import Extra, without
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.scene import Scene
-from analysis.explain.wander import sphere
 
 SMOOTH_DEG = 40.0
 LOCAL_DEG = 12.0

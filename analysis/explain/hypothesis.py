@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from analysis.explain.fit import Fit
 from analysis.explain.thresholds import ALIKE
-from analysis.explain.wander import Wander
+from analysis.explain.wander import Wandering
 
 
 @dataclass
@@ -16,7 +16,7 @@ class Hypothesis:
     fit
         The fit of the parametric mechanisms (may be none).
     wanders
-        Random effects in it, with amplitude and length that carry most of the evidence.
+        Random effects in it, of the forms and sizes that carry most of the evidence.
     evidence
         Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
     tied
@@ -27,7 +27,7 @@ class Hypothesis:
 
     fit: Fit
     evidence: float
-    wanders: tuple[tuple[Wander, float, float], ...] = ()
+    wanders: tuple[Wandering, ...] = ()
     ways: list[Fit] = field(default_factory=list)
     tied: tuple[tuple[str, str], ...] = ()
     added_to: str = ""
@@ -40,7 +40,7 @@ class Hypothesis:
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of its catalogue mechanisms."""
-        random = (w.name for w, _, _ in self.wanders if w.mechanism is not None)
+        random = (x.wander.name for x in self.wanders if x.wander.mechanism is not None)
         return (*self.fit.ids, *(name for name in random if name not in self.fit.ids))
 
     @property

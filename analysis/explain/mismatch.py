@@ -110,7 +110,7 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         progress("simulating again with what was found")
     again = simulated_again(scene, best.terms, best.theta) if simulator is not None else None
     wrong = form_error(scene, best.terms, best.theta)
-    extra = (*wrong, *(w.extra(scene, a, x) for w, a, x in kept.wanders))
+    extra = (*wrong, *(x.extra(scene) for x in kept.wanders))
     beside = fitter.whitener(LOOKING, extra)
     leftover = Scan.of(readings, beside).standing_out(best.residual)
     dof = max(len(readings) - len(best.theta), 1)

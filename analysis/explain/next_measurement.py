@@ -51,7 +51,7 @@ def next_measurement(scene: Scene, found: Conclusion) -> NextMeasurement:
 
 
 def _first(h: Hypothesis) -> Mechanism:
-    mechanism = h.fit.terms[0].mechanism if h.fit.terms else h.wanders[0][0].mechanism
+    mechanism = h.fit.terms[0].mechanism if h.fit.terms else h.wanders[0].wander.mechanism
     assert mechanism is not None
     return mechanism
 

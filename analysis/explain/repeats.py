@@ -16,7 +16,7 @@ from analysis.explain.lens_error import SUN_S_PER_DEG
 from analysis.explain.noise import GAIN_OF_TESTS, USUAL
 from analysis.explain.readings import GONIOMETER
 from analysis.explain.scene import Scene
-from analysis.explain.wander import Wander
+from analysis.explain.wander import Wandering
 
 NADIR_DEG = 2.0
 """Directions closer to nadir than this are one direction."""
@@ -49,9 +49,10 @@ class Repeats:
         return self.expected > 3.0 and self.gain < 0.0
 
 
-def repeats(scene: Scene, fit: Fit, wander: Wander, amplitude: float, length: float) -> Repeats:
+def repeats(scene: Scene, fit: Fit, wandering: Wandering) -> Repeats:
     """Ask the nadir readings of each test about a random function of time, beside what ``fit`` explains."""
-    effects = amplitude * wander.extra(scene, amplitude, length).columns
+    extra = wandering.extra(scene)
+    effects = extra.amplitude * extra.columns
     gain = expected = 0.0
     for rows in _repeated(scene):
         plain = _plain(scene, fit, rows)

@@ -11,10 +11,12 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from scipy.special import softmax
 
 from analysis.cases.model import Floats
 from analysis.explain.abreast import abreast
 from analysis.explain.clock_under_cloud import SHOWN_ITSELF, clock_under_cloud
+from analysis.explain.conclusion import temper
 from analysis.explain.families import UNREST
 from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, posterior_covariance, without
 from analysis.explain.form_error import form_error
@@ -23,7 +25,8 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
-from analysis.explain.wander import Wander
+from analysis.explain.thresholds import TEMPER_ONE
+from analysis.explain.wander import Wander, likeliest
 
 X = TypeVar("X")
 Y = TypeVar("Y")
@@ -203,7 +206,7 @@ class Search:
         They are weighed with ``extra`` effects.
         """
         others = [terms for m, terms in (self._terms if among is None else among).items() if m not in first.ids]
-        known = (*first.fit.terms, *(wander for wander, _, _ in first.wanders))
+        known = (*first.fit.terms, *(x.wander for x in first.wanders))
         found = self._abreast(lambda terms: self._one_beside(first, terms, extra), others, *known, size=len)
         return sorted((h for h in found if h is not None), key=lambda h: -h.evidence)
 
@@ -232,8 +235,7 @@ class Search:
 
     def allowed(self, hypothesis: Hypothesis) -> tuple[Extra, ...]:
         """What is allowed for beside a hypothesis: what its forms have wrong, and its random effects."""
-        random = (w.extra(self.scene, amplitude, length) for w, amplitude, length in hypothesis.wanders)
-        return (*self.forms_wrong(hypothesis.fit), *random)
+        return (*self.forms_wrong(hypothesis.fit), *(x.extra(self.scene) for x in hypothesis.wanders))
 
     def forms_wrong(self, fit: Fit) -> tuple[Extra, ...]:
         """What the forms of a fit may have wrong."""
@@ -245,8 +247,9 @@ class Search:
         A clock that is told by its scatter under broken cloud changes them by that, not by what the sun's way tells.
         """
         fit, r = hypothesis.fit, self.scene.readings
-        sizes = [a for wander, a, _ in hypothesis.wanders if wander.mechanism is not None and wander is not UNREST]
-        scattered = {wander.name for wander, _, _ in hypothesis.wanders}
+        random = hypothesis.wanders
+        sizes = [x.amplitude for x in random if x.wander.mechanism is not None and x.wander is not UNREST]
+        scattered = {x.wander.name for x in random}
         with_it = predict(self.scene, fit.terms, fit.theta)
         for k, term in enumerate(fit.terms):
             if term.mechanism.id in scattered:
@@ -263,22 +266,21 @@ class Search:
     def each_wandering(self, base: Hypothesis, wanders: Iterable[Wander], extra: tuple[Extra, ...]) -> list[Hypothesis]:
         """``base`` with each of some random effects more."""
         tried = list(wanders)
-        known = (*tried, *base.fit.terms, *(wander for wander, _, _ in base.wanders))
+        known = (*tried, *base.fit.terms, *(x.wander for x in base.wanders))
         return self._abreast(lambda wander: self.wandering(base, wander, extra), tried, *known)
 
     def wandering(self, base: Hypothesis, wander: Wander, extra: tuple[Extra, ...]) -> Hypothesis:
-        """``base`` with a random effect more: evidence averaged over its amplitudes and lengths.
+        """``base`` with a random effect more: evidence averaged over its forms, amplitudes and lengths.
 
         They are compared at the sizes of ``base``, and again at those that are best with the best of them.
         """
-        tried = [(a, x) for x in wander.lengths for a in wander.amplitudes]
-        effects = {way: (*extra, wander.extra(self.scene, *way)) for way in tried}
+        tried = wander.sizes()
+        effects = [(*extra, x.extra(self.scene)) for x in tried]
         fit = base.fit
-        first = {way: self.fitter.density(fit, effects[way])(fit.hyper) for way in tried}
-        best = max(tried, key=lambda way: first[way])
+        best = int(np.argmax([self.fitter.density(fit, effect)(fit.hyper) for effect in effects]))
         weighed = replace(fit)
         self.fitter.weigh([weighed], effects[best])
-        again = {way: self.fitter.density(fit, effects[way])(weighed.hyper) for way in tried}
-        logs = np.array([again[way] for way in tried])
-        evidence = weighed.log_evidence - again[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
-        return Hypothesis(weighed, evidence, (*base.wanders, (wander, *max(tried, key=lambda way: again[way]))))
+        logs = np.array([self.fitter.density(fit, effect)(weighed.hyper) for effect in effects])
+        evidence = weighed.log_evidence - logs[best] + float(np.logaddexp.reduce(logs)) - float(np.log(len(tried)))
+        nats = temper(float(logs.max() - self.fitter.density(fit, extra)(weighed.hyper)), TEMPER_ONE)
+        return Hypothesis(weighed, evidence, (*base.wanders, likeliest(tried, softmax(logs / nats))))

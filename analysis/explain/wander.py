@@ -5,7 +5,7 @@ function of time. The same form serves for what the catalogue does not hold: "so
 fixed in the room, that nobody has named" is a hypothesis like any other and can win against the named ones.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +14,12 @@ from analysis.cases.model import Floats
 from analysis.explain.fit import Extra
 from analysis.explain.mechanisms.base import Mechanism
 from analysis.explain.scene import Scene
-from analysis.explain.series import unrest
-from labdaq import directions
 
 Columns = Callable[[Scene, float], Floats]
-"""Independent unit effects (N, K) of a random function with a correlation length, on a scene's rows."""
+"""Independent unit effects (N, K) of a random function with a correlation length, on a scene's rows (`along`)."""
 
-
-_RESTLESS_ROWS = 250
+_OF_THE_FORM = 0.3
+"""Standard deviation of the logarithm of a random effect's size: two recordings, or two forms, differ by that."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +32,8 @@ class Wander:
         Id of a catalogue mechanism, or the name of an unnamed family.
     along
         The coordinates it is a function of, in words.
-    columns
-        Its effects.
+    forms
+        Its effects; where it may have several forms (smooth, rough), each of them.
     amplitudes, lengths
         Relative standard deviations and correlation lengths to try.
     mechanism
@@ -44,170 +42,71 @@ class Wander:
 
     name: str
     along: str
-    columns: Columns
+    forms: tuple[Columns, ...]
     amplitudes: tuple[float, ...]
     lengths: tuple[float, ...]
     mechanism: Mechanism | None = None
 
-    def extra(self, scene: Scene, amplitude: float, length: float) -> Extra:
-        """The effect at one amplitude and length."""
-        return Extra(scene.remember(self.columns, length), amplitude)
+    def sizes(self) -> list["Wandering"]:
+        """The effect in each of its forms, at each amplitude and length."""
+        return [Wandering(self, a, x, k) for k in range(len(self.forms)) for x in self.lengths for a in self.amplitudes]
 
 
-def sun_share(scene: Scene) -> Floats:
-    """Share of the sun part in each row's prediction, times how far the reading stands above the floor; shape (N,)."""
-    r = scene.readings
-    total = np.maximum(np.abs(r.simulated), 1e-12)
-    share = np.where(np.isfinite(r.sun), r.sun, total) / total
-    return np.asarray(np.clip(share, 0.0, 1.0) * loud(scene))
+@dataclass(frozen=True)
+class Wandering:
+    """A random effect of one form and size.
 
-
-def loud(scene: Scene) -> Floats:
-    """Reading over scale: 1 well above the floor, 0 in the dark; shape (N,)."""
-    return np.asarray(np.abs(scene.readings.measured) / scene.readings.scale)
-
-
-def in_time(scene: Scene, seconds: float) -> Floats:
-    """The sun's brightness as a random function of time within each test."""
-    r = scene.readings
-    t = r.utc_ns / 1e9
-    parts = []
-    for k in np.unique(r.test):
-        rows = r.test == k
-        times, which = np.unique(t[rows], return_inverse=True)
-        if (times[-1] - times[0]) / (0.7 * seconds) + 2 < len(times):
-            nodes = np.arange(times[0] - seconds / 2, times[-1] + seconds, 0.7 * seconds)
-            made = smooth(t[rows], nodes, seconds)
-        else:  # fewer readings than nodes: their own covariance is the smaller thing
-            near = np.exp(-(((times[:, None] - times[None, :]) / seconds) ** 2))
-            made = np.linalg.cholesky(near + 1e-6 * np.eye(len(times)))[which]
-        part = np.zeros((len(r), made.shape[1]))
-        part[rows] = made
-        parts.append(part)
-    return np.concatenate(parts, axis=1) * sun_share(scene)[:, None]
-
-
-def in_level(scene: Scene, stops: float) -> Floats:
-    """A factor that is a random function of the predicted level, the same in all tests of an instrument."""
-    r = scene.readings
-    level = np.log2(np.maximum(r.simulated, r.floor))  # never the reading itself: it carries its own noise
-    return np.concatenate(
-        [
-            smooth(level, np.arange(level[rows].min() - stops, level[rows].max() + stops, 0.7 * stops), stops)
-            * (rows * loud(scene))[:, None]
-            for rows in (r.channel == k if kind == "sky" else r.kind == kind for k, kind in _groups(scene))
-        ],
-        axis=1,
-    )
-
-
-def in_luminance(scene: Scene, stops: float) -> Floats:
-    """The same of luminances alone."""
-    columns = np.where(scene.is_sky[:, None], in_level(scene, stops), 0.0)
-    return np.asarray(columns[:, np.any(columns, axis=0)])
-
-
-def _groups(scene: Scene) -> list[tuple[int, str]]:
-    """Luminance channels one by one, goniometer and roof as a whole."""
-    r = scene.readings
-    groups = [(int(k), "sky") for k in np.unique(r.channel[r.kind == "sky"])]
-    return groups + [(-1, kind) for kind in scene.kinds if kind != "sky"]
-
-
-def in_direction(scene: Scene, degrees: float) -> Floats:
-    """A factor that is a random function of direction, fixed in the room: the same for every test and system."""
-    return sphere(scene, degrees) * (loud(scene) * ~np.isnan(scene.readings.gamma_deg))[:, None]
-
-
-def added_in_direction(scene: Scene, degrees: float) -> Floats:
-    """Light added as a random function of direction, in proportion to each test's mean intensity."""
-    r = scene.readings
-    count = len(r.case.tests)
-    total = np.bincount(r.test, weights=np.abs(r.measured), minlength=count)
-    mean = total / np.maximum(np.bincount(r.test, minlength=count), 1)
-    size = np.minimum(mean[r.test] / np.hypot(r.simulated, r.floor), 5.0)  # by the reading it would follow its noise
-    return np.asarray(sphere(scene, degrees) * (size * ~np.isnan(r.gamma_deg))[:, None])
-
-
-def in_sun(scene: Scene, degrees: float) -> Floats:
-    """A factor on the sun part that is a random function of the sun's place."""
-    r = scene.readings
-    towards = directions.sky_vector(r.altitude_deg, r.azimuth_deg)
-    near = np.exp(-np.maximum(1.0 - towards @ towards.T, 0.0) / np.radians(degrees) ** 2)
-    root = np.linalg.cholesky(near + 1e-6 * np.eye(len(near)))
-    return np.asarray(root[r.test] * sun_share(scene)[:, None])
-
-
-def in_gamma(scene: Scene, degrees: float) -> Floats:
-    """A factor that is a random function of gamma alone, the same in all planes and tests."""
-    nodes = np.arange(-degrees, 90.0 + degrees, 0.7 * degrees)
-    return smooth(np.nan_to_num(scene.readings.gamma_deg), nodes, degrees) * (loud(scene) * scene.is_gonio)[:, None]
-
-
-def in_scan_order(scene: Scene, seconds: float) -> Floats:
-    """A factor that is a random function of the time since the test began, the same in all tests."""
-    r = scene.readings
-    t = r.utc_ns / 1e9
-    began = np.full(len(r.case.tests), np.inf)
-    np.minimum.at(began, r.test, t)
-    since = t - began[r.test]
-    return smooth(since, np.arange(-seconds, since.max() + seconds, 0.7 * seconds), seconds) * loud(scene)[:, None]
-
-
-def in_time_of_day(scene: Scene, minutes: float) -> Floats:
-    """A factor that is a smooth random function of the time of day, the same on all days and channels."""
-    local = 60.0 * scene.readings.solar_h
-    nodes = np.arange(local.min() - minutes, local.max() + minutes, 0.7 * minutes)
-    return smooth(local, nodes, minutes) * loud(scene)[:, None]
-
-
-def in_broken_cloud(scene: Scene, _: float) -> Floats:
-    """Independent errors, as large as daylight wanders in a minute: two instruments that do not read at one moment.
-
-    Only the most restless rows: beyond a few hundred they cost time and tell nothing more.
+    Attributes
+    ----------
+    wander
+        The random effect.
+    amplitude, length
+        Relative standard deviation, and correlation length.
+    form
+        Which of its forms.
+    log_sd
+        Standard deviations of the logarithms of amplitude and length.
     """
-    restless = unrest(scene) * loud(scene)
-    rows = np.argsort(-restless)[:_RESTLESS_ROWS]
-    rows = rows[restless[rows] > 0.0]
-    columns = np.zeros((len(restless), len(rows)))
-    columns[rows, np.arange(len(rows))] = restless[rows]
-    return columns
+
+    wander: Wander
+    amplitude: float
+    length: float = 1.0
+    form: int = 0
+    log_sd: tuple[float, float] = (_OF_THE_FORM, _OF_THE_FORM)
+
+    def extra(self, scene: Scene) -> Extra:
+        """The effect on a scene."""
+        return Extra(scene.remember(self.wander.forms[self.form], self.length), self.amplitude)
+
+    @property
+    def told(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Amplitude and length with their standard uncertainties: moments of log-normal distributions."""
+        return _log_normal(self.amplitude, self.log_sd[0]), _log_normal(self.length, self.log_sd[1])
 
 
-def in_hours(scene: Scene, minutes: float) -> Floats:
-    """A factor that is a slow random function of time over the campaign, the same for all channels."""
-    t = scene.readings.utc_ns / 6e10
-    middles = np.array([t[scene.readings.test == k].mean() for k in np.unique(scene.readings.test)])
-    kernel = np.exp(-np.abs(middles[:, None] - middles[None, :]) / minutes) + 1e-9 * np.eye(len(middles))
-    where = np.searchsorted(np.unique(scene.readings.test), scene.readings.test)
-    return np.asarray(np.linalg.cholesky(kernel)[where] * loud(scene)[:, None])
+def _log_normal(median: float, log_sd: float) -> tuple[float, float]:
+    """Mean and standard deviation of a quantity whose logarithm is normal."""
+    mean = median * float(np.exp(log_sd**2 / 2.0))
+    return mean, mean * float(np.sqrt(np.expm1(log_sd**2)))
 
 
-def smooth(x: Floats, nodes: Floats, width: float) -> Floats:
-    """Gaussian bumps (N, K) at ``nodes``, scaled so that their independent sum has unit variance about everywhere."""
-    bumps = np.exp(-(((x[:, None] - nodes[None, :]) / width) ** 2))
-    power = np.sqrt(np.pi / 2.0) / 0.7  # sum over nodes 0.7 widths apart of exp(-2 d²/w²)
-    return np.asarray(bumps / np.sqrt(power))
+def likeliest(sizes: Sequence[Wandering], weights: Floats) -> Wandering:
+    """The form that carries most of ``weights`` (K,; their sum is one), at the mean of its sizes, and how sure that is.
+
+    Amplitude and length vary by factors, so means and deviations are those of logarithms. They hold what other forms
+    would tell, and half a step of the sizes that are tried.
+    """
+    wander = sizes[0].wander
+    forms = np.array([x.form for x in sizes])
+    best = int(np.argmax(np.bincount(forms, weights=weights)))
+    logs = np.log([(x.amplitude, x.length) for x in sizes])
+    mean = np.average(logs, axis=0, weights=weights * (forms == best))
+    steps = np.array([_step(wander.amplitudes), _step(wander.lengths)])
+    sd = np.sqrt(weights @ (logs - mean) ** 2 + steps**2 / 12.0 + _OF_THE_FORM**2)
+    amplitude, length = np.exp(mean)
+    return Wandering(wander, float(amplitude), float(length), best, (float(sd[0]), float(sd[1])))
 
 
-def in_suns_frame(scene: Scene, degrees: float) -> Floats:
-    """A factor that is a random function of direction as seen with the sun ahead: it turns with the sun's azimuth."""
-    r = scene.readings
-    turned = np.nan_to_num(r.c_deg) + r.sun_azimuth_at_deg
-    v = directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), turned)
-    return _bumps(v, degrees) * (loud(scene) * ~np.isnan(r.gamma_deg))[:, None]
-
-
-def sphere(scene: Scene, degrees: float) -> Floats:
-    """Bumps about nodes spread over the sphere where readings lie; (N, K), unit variance."""
-    r = scene.readings
-    return _bumps(directions.vector(np.nan_to_num(r.gamma_deg, nan=180.0), np.nan_to_num(r.c_deg)), degrees)
-
-
-def _bumps(v: Floats, degrees: float) -> Floats:
-    count = int(np.ceil(4.0 * np.pi / (0.8 * np.radians(degrees)) ** 2))
-    nodes = directions.evenly(count)
-    # exp(-angle²/w²): the product of two of them correlates as exp(-angle²/(2 w²))
-    bumps = np.exp(-2.0 * np.maximum(1.0 - v @ nodes.T, 0.0) / np.radians(degrees) ** 2)
-    bumps = bumps[:, bumps.max(axis=0) > 0.2]
-    return np.asarray(bumps / np.sqrt(np.maximum(np.sum(bumps**2, axis=1, keepdims=True), 0.05)))
+def _step(tried: tuple[float, ...]) -> float:
+    """Mean step of the logarithm between values that are tried; of one alone, as if its neighbours were thrice it."""
+    return float(np.log(tried[-1] / tried[0])) / (len(tried) - 1) if len(tried) > 1 else float(np.log(3.0))

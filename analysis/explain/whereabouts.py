@@ -47,7 +47,7 @@ def _change(fitter: Fitter, h: Hypothesis) -> Floats:
     """
     r = fitter.scene.readings
     change = r.stretched(predict(fitter.scene, h.fit.terms, h.fit.theta)) - r.stretched(r.simulated)
-    extra = tuple(wander.extra(fitter.scene, *size) for wander, *size in h.wanders)
+    extra = tuple(x.extra(fitter.scene) for x in h.wanders)
     if extra:
         whitener = fitter.whitener(h.fit.hyper, extra)
         columns = np.concatenate([e.amplitude * e.columns for e in extra], axis=1)

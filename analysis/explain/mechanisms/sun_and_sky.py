@@ -104,11 +104,18 @@ class CloudDrift(Mechanism):
     stage = Stage.SUN_AND_SKY
     leaves_out = "The source changed while the arm was moving (cloud or haze drifted before the sun)."
     parameters = (
-        Parameter("sd", "1", "standard deviation of the sun part within a test", 0.0, 0.5, 0.08, (0.02, 0.05, 0.12)),
-        Parameter("correlation_s", "s", "time over which it changes", 5.0, 600.0, 40.0, (25.0, 60.0), centre=50.0),
+        Parameter(
+            "sd", "1", "standard deviation of the sun part within a test", 0.0, 0.5, 0.08, (0.02, 0.05, 0.12, 0.3)
+        ),
+        Parameter(
+            "correlation_s", "s", "time over which it changes", 5.0, 600.0, 40.0, (25.0, 60.0, 140.0), centre=50.0
+        ),
     )
     needs = "times of the records"
-    source = "I = B(t) S + D K with B(t) a random function of 30 to 90 s; report chapter 4 (scans of 2 to 3 minutes)"
+    source = (
+        "I = B(t) S + D K with B(t) a random function of 30 to 90 s, smooth or with covariance exp(-|Δt| / τ); "
+        "report chapter 4 (scans of 2 to 3 minutes)"
+    )
     tie_breaker = "the same sky scanned twice with the planes in reverse order, or a roof meter read every second"
     random = True
 

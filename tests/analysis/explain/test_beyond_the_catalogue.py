@@ -20,6 +20,7 @@ from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings
 from analysis.explain.repeats import Repeats, repeats
 from analysis.explain.scene import Scene
+from analysis.explain.wander import Wandering
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, Floats, Rows, Sky, Truth, light, make_case, rows_of
 
@@ -142,7 +143,7 @@ def _nadir_gain(folder: Path, truth: Truth) -> tuple[float, float]:
     fitter = Fitter(scene)
     fit = fitter.fit((), np.zeros(0), Hyper(1.0, 1.0, 0.4))
     fit.hyper = Hyper(1.0, 1.0, 0.4)
-    found = repeats(scene, fit, CLOUD, 0.05, 45.0)
+    found = repeats(scene, fit, Wandering(CLOUD, 0.05, 45.0))
     return found.gain, found.expected
 
 

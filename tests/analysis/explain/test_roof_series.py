@@ -25,6 +25,7 @@ from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.series import predicted_noise, quiet, unrest
 from analysis.explain.sky_flux import ABOUT_DEG, RINGS_DEG, SkyFlux, _flux
+from analysis.explain.wander import Wandering
 from tests.analysis.explain.campaign import SITE, Floats
 from tests.analysis.explain.roof import beam_and_sky
 
@@ -131,7 +132,7 @@ def test_a_clock_told_by_its_scatter_does_not_hide_what_is_beside_it(tmp_path: P
     terms = tuple(terms_of(BY_ID[name], search.scene)[0] for name in ("clock-offset", "dark-offset"))
     fit = Fit(terms, np.array([0.3, -2000.0]), np.zeros(0), np.zeros((0, 2)))
     assert search.least_effect(Hypothesis(fit, 0.0)) < 0.005
-    assert search.least_effect(Hypothesis(fit, 0.0, wanders=((UNREST, 0.5, 1.0),))) > 0.02
+    assert search.least_effect(Hypothesis(fit, 0.0, wanders=(Wandering(UNREST, 0.5),))) > 0.02
 
 
 def test_two_true_clocks_are_left_alone(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ from analysis.explain.thresholds import (
     TEMPER_ONE,
 )
 from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles, stand_out
+from analysis.explain.wander import Wandering
 
 
 def _hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
@@ -161,7 +162,7 @@ def test_a_change_that_the_case_brings_is_likelier_than_one_of_another_lens(
 
 def test_a_random_effect_may_leave_more_than_a_law(arm: Scene) -> None:
     """How a cloud drifts is known by a few correlation times alone."""
-    cloud = replace(_hypothesis(arm, 200.0), wanders=((CLOUD, 0.05, 25.0),))
+    cloud = replace(_hypothesis(arm, 200.0), wanders=(Wandering(CLOUD, 0.05, 25.0),))
     verdicts = []
     for h in (_hypothesis(arm, 200.0, "c-offset"), cloud):
         found = Conclusion(h, _hypothesis(arm, 0.0), [h], shown={CLOUD.name})
@@ -274,7 +275,7 @@ def test_a_law_that_does_as_well_as_a_random_function_is_likely(picture: Scene) 
     found = Conclusion(law, _hypothesis(picture, 0.0), [law, rival], one_instrument=True)
     decide(found, 1.0)
     doubtful = found.probability["nonlinearity"]
-    rival.wanders = ((SHUTTER, 0.05, 1.0),)
+    rival.wanders = (Wandering(SHUTTER, 0.05),)
     decide(found, 1.0)
     assert doubtful < SURE < found.probability["nonlinearity"]
 
@@ -345,7 +346,7 @@ def test_of_names_in_a_set_each_must_be_sure(picture: Scene) -> None:
     shutter, rival = _hypothesis(picture, 357.0, "exposure-error"), _hypothesis(picture, 300.0, "nonlinearity")
     found = Conclusion(shutter, _hypothesis(picture, 0.0), [rival, shutter], one_instrument=True, nat=TEMPER_ONE)
     found.best = _hypothesis(picture, 420.0, "projection-error")
-    found.best.wanders, found.best.added_to = ((SHUTTER, 0.05, 1.0),), "exposure-error"
+    found.best.wanders, found.best.added_to = (Wandering(SHUTTER, 0.05),), "exposure-error"
     assert found.best.ids == ("projection-error", "exposure-error")
     found.shares = {(frozenset({"exposure-error"}), "projection-error"): 0.8}
     decide(found, 1.0)
@@ -426,7 +427,7 @@ def test_exposures_explain_a_camera_and_a_cloud_an_arm_only_if_repeats_show_it(p
         (False, False, "partly-explained"),
         (False, True, "explained"),
     ):
-        shutter = Hypothesis(_hypothesis(picture, 0.0).fit, 200.0, ((SHUTTER, 0.05, 1.0),))
+        shutter = Hypothesis(_hypothesis(picture, 0.0).fit, 200.0, (Wandering(SHUTTER, 0.05),))
         found = Conclusion(shutter, _hypothesis(picture, 0.0), [shutter], one_instrument=alone)
         found.shown = set(shutter.ids) if shown else set()
         decide(found, 1.0)
@@ -485,7 +486,7 @@ def test_errors_of_the_exposures_hold_what_laws_of_the_level_leave(picture: Scen
     nothing, asked = _hypothesis(picture, 0.0), {}
     for name in ("projection-error", "veiling-glare"):
         first = _hypothesis(picture, 300.0, name)
-        both = replace(first, wanders=((SHUTTER, 0.05, 1.0),))
+        both = replace(first, wanders=(Wandering(SHUTTER, 0.05),))
         found = Conclusion(first, nothing, [first], one_instrument=True, pictures=True)
         asked[name] = _needed_beside(both, first, found, "exposure-error", random=True)
         arm = replace(found, pictures=False)
@@ -526,7 +527,7 @@ def test_a_slow_meter_is_as_likely_as_a_late_clock(roof: Scene) -> None:
     (slow,) = [m for m in CONJECTURES if m.id == "sluggish response"]
     law = Unnamed(slow.id, 505.0, 1.0, Term(slow, Branch(), slow.parameters))
     plain = _hypothesis(roof, 507.0, "clock-offset")
-    scattered = replace(_hypothesis(roof, 950.0, "clock-offset"), wanders=((UNREST, 0.5, 1.0),))
+    scattered = replace(_hypothesis(roof, 950.0, "clock-offset"), wanders=(Wandering(UNREST, 0.5),))
 
     def named(law: Unnamed) -> bool:
         found = Conclusion(scattered, _hypothesis(roof, 0.0), [scattered, plain], one_instrument=True, nat=TEMPER_ONE)

@@ -13,7 +13,7 @@ from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mismatch import LOOKING
 from analysis.explain.scene import Scene
-from analysis.explain.wander import Wander
+from analysis.explain.wander import Wander, Wandering
 from analysis.explain.whereabouts import places
 from tests.analysis.explain.campaign import Floats
 
@@ -72,11 +72,11 @@ def test_a_random_function_lies_where_it_most_likely_is(arm: Scene, scan: Scan, 
     r = arm.readings
     rings = (np.round(r.gamma_deg)[:, None] == np.unique(np.round(r.gamma_deg))[None, :]).astype(np.float64)
     ring = np.round(r.gamma_deg) == 45.0
-    wander = Wander("rings", "gamma", lambda scene, length: rings, (0.1,), (1.0,))
+    wander = Wander("rings", "gamma", (lambda scene, length: rings,), (0.1,), (1.0,))
     found, _ = _tilted(fitter, 40.0)
     base = found.nothing.fit
     seen = np.where(ring, 0.08, 0.0)
-    raised = Hypothesis(replace(base, residual=seen), 50.0, ((wander, 0.1, 1.0),))
+    raised = Hypothesis(replace(base, residual=seen), 50.0, (Wandering(wander, 0.1),))
     found.unnamed = [Unnamed("gamma", 50.0, 0.1, weighed=raised)]
     first, *_ = places(scan, 0.0 * seen, fitter, found)
     assert first.region.name == "at gamma 45°, in all planes"
