@@ -1,19 +1,19 @@
 """Fit a hypothesis and weigh its evidence.
 
 A hypothesis is a set of mechanisms with priors on their parameters, which are fitted by Gauss-Newton steps in the
-metric of the nuisance covariance; its evidence is Laplace's approximation about the fit, summed about its best sizes of
-discrepancy (MacKay 2003, Information Theory, Inference, and Learning Algorithms, ch. 27-28).
+metric of the nuisance covariance; its evidence is Laplace's approximation about the fit (`evidence`), summed about its
+best sizes of discrepancy.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import norm
 
 from analysis.cases.model import Floats
 from analysis.explain.air_error import air_error_effects, errors_of_all_days
 from analysis.explain.arm_error import arm_errors
+from analysis.explain.evidence import inside, laplace, precision_of
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects
 from analysis.explain.mechanisms.base import Term, predict
@@ -173,7 +173,7 @@ class Fitter:
         jacobian = self.jacobian(terms, theta, residual)
         for _ in range(_STEPS if parameters else 0):
             gram = whitener.gram(np.column_stack([jacobian, residual]))
-            precision = _precision(gram, prior, theta)
+            precision = precision_of(gram, prior, theta)
             step = np.linalg.solve(precision, gram[:-1, -1] + prior.pull(theta))
             for halving in range(6):
                 trial = inside(theta + step * 0.5**halving, parameters)
@@ -257,7 +257,8 @@ class Fitter:
             whitener = self.whitener(hyper, extra)
             if hyper.base not in white:
                 white[hyper.base] = whitener.solved(columns)
-            return laplace(whitener.gram_of(white[hyper.base]), whitener.log_det, fit) + hyper.log_weight
+            gram = whitener.gram_of(white[hyper.base])
+            return laplace(gram, whitener.log_det, fit.theta, fit.parameters) + hyper.log_weight
 
         return density
 
@@ -268,49 +269,9 @@ def _starts(term: Term) -> Floats:
     return np.stack([g.ravel() for g in grids], axis=1) if grids else np.zeros((1, 0))
 
 
-def laplace(gram: Floats, log_det: float, fit: Fit) -> float:
-    """Log evidence of a fit at some sizes, one Newton step beyond its parameters included.
-
-    ``gram`` is that of the Jacobian's columns and the residual, ``log_det`` the covariance's.
-    One-sided priors have twice the density, and the part of the posterior beyond the end is cut off.
-    """
-    parameters = fit.parameters
-    n = len(parameters)
-    base = -0.5 * (gram[n, n] + log_det)
-    if n == 0:
-        return float(base)
-    prior = Prior.of(parameters)
-    precision = _precision(gram, prior, fit.theta)
-    slope = gram[:n, n] + prior.pull(fit.theta)
-    step = np.linalg.solve(precision, slope)
-    low = np.array([p.low for p in parameters])
-    high = np.array([p.high for p in parameters])
-    step = np.clip(fit.theta + step, low, high) - fit.theta
-    gain = slope @ step - 0.5 * step @ precision @ step
-    _, log_det = np.linalg.slogdet(precision)
-    value = base + prior.log_density - 0.5 * prior.value(fit.theta) + gain - 0.5 * log_det
-    spread = np.sqrt(np.diag(np.linalg.inv(precision)))
-    for k, p in enumerate(parameters):
-        if p.one_sided:
-            value += np.log(2.0) + norm.logcdf((fit.theta[k] + step[k] - p.low) / spread[k])
-    return float(value)
-
-
 def posterior_covariance(whitener: Whitener, fit: Fit) -> Floats:
     """Covariance (P, P) of the parameters at some sizes, prior included."""
     if not fit.parameters:
         return np.zeros((0, 0))
     gram = whitener.gram(np.column_stack([fit.jacobian, fit.residual]))
-    return np.asarray(np.linalg.inv(_precision(gram, Prior.of(fit.parameters), fit.theta)))
-
-
-def _precision(gram: Floats, prior: Prior, theta: Floats) -> Floats:
-    """Of the parameters (P, P): what the readings say (``gram``'s last is the residual's) and what was thought."""
-    return np.asarray(gram[:-1, :-1] + np.diag(prior.precision(theta)))
-
-
-def inside(theta: Floats, parameters: tuple[Parameter, ...]) -> Floats:
-    """Parameters (P,) kept within their ranges."""
-    if not parameters:
-        return theta
-    return np.clip(theta, [p.low for p in parameters], [p.high for p in parameters])
+    return np.asarray(np.linalg.inv(precision_of(gram, Prior.of(fit.parameters), fit.theta)))

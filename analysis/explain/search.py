@@ -17,8 +17,9 @@ from analysis.cases.model import Floats
 from analysis.explain.abreast import abreast
 from analysis.explain.clock_under_cloud import SHOWN_ITSELF, clock_under_cloud
 from analysis.explain.conclusion import temper
+from analysis.explain.evidence import inside
 from analysis.explain.families import UNREST
-from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, inside, posterior_covariance, without
+from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, posterior_covariance, without
 from analysis.explain.form_error import form_error
 from analysis.explain.hypers import STRIDES
 from analysis.explain.hypothesis import Hypothesis
