@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -369,6 +370,24 @@ def test_an_interrupted_trial_goes_on_where_it_was(tmp_path: Path, monkeypatch: 
     done = runner.invoke(command, [*words, "--resume"], catch_exceptions=False)
     assert done.exit_code == 0 and asked == [left]
     assert [case["case"] for case in json.loads((out / "trial.json").read_text())["cases"]] == [answered, failed, left]
+
+
+def test_cores_are_shared_out_among_workers() -> None:
+    assert trial.shares_of([0, 1, 2, 3, 4], 2) == [{0, 2, 4}, {1, 3}]
+    assert trial.shares_of([0, 1], 3) == [{0}, {1}, {0}]
+    assert trial.shares_of([7], 1) == [{7}]
+
+
+def _cores_of(order: Order, workshop: trial.Workshop) -> set[int]:
+    return os.sched_getaffinity(0)
+
+
+def test_a_worker_keeps_to_its_cores(tmp_path: Path) -> None:
+    mine = sorted(os.sched_getaffinity(0))
+    orders = [Order("case-0", "roof", "null", (), (), 1), Order("case-1", "roof", "null", (), (), 2)]
+    found = list(trial._each(_cores_of, orders, trial.Workshop(tmp_path, workers=2)))
+    assert all(cores in trial.shares_of(mine, 2) for cores in found)
+    assert len(found) == 2
 
 
 @pytest.mark.parametrize(
