@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from analysis.cases.model import Aperture, Floats
@@ -13,6 +14,8 @@ from labdaq import directions
 CELLS = len(C_DEG) * len(GAMMA_DEG)
 _FAINT = 1e-3
 """Share of its middle below which a Gaussian's tail is left out."""
+_ROUNDING = 1e-13
+"""Share of the brightest below which harmonics of C leave nothing but rounding, where a sum of light has none."""
 
 
 @lru_cache(maxsize=1)
@@ -22,17 +25,17 @@ def grid_vectors() -> Floats:
 
 
 @lru_cache(maxsize=24)
-def _blur_matrix(sigma_deg: float) -> sparse.csr_matrix:
-    """Spread each cell's light over a Gaussian of ``sigma_deg``, keeping what stays below the horizon; (cells,
-    cells)."""
-    v, weight = grid_vectors(), solid_angle().reshape(-1)
+def _spread_of_rings(sigma_deg: float) -> NDArray[np.complex128]:
+    """Spread each cell's light over a Gaussian of ``sigma_deg``, keeping what stays below the horizon.
+
+    It is the same for all planes, so harmonics of C do not mix: (harmonics, G, G), from the last gamma to the other.
+    """
+    v, weight = grid_vectors().reshape(len(C_DEG), len(GAMMA_DEG), 3), solid_angle()[0]
     kappa = 1.0 / np.radians(sigma_deg) ** 2
-    cosine = v @ v.T
-    to, of = np.nonzero(cosine > 1.0 + np.log(_FAINT) / kappa)
-    kernel = np.exp(kappa * (cosine[to, of] - 1.0)) * weight[to]
-    # what each cell sends out sums to one in flux (weight on the receiving side)
-    kernel /= np.bincount(of, weights=kernel, minlength=CELLS)[of]
-    return sparse.csr_matrix((kernel * weight[of] / weight[to], (to, of)), shape=(CELLS, CELLS))
+    kernel = np.exp(kappa * (v @ v[0].T - 1.0))
+    kernel = np.where(kernel > _FAINT, kernel, 0.0) * weight[:, None]
+    kernel /= kernel.sum(axis=(0, 1))  # what each cell sends out sums to one in flux (weight on the receiving side)
+    return np.asarray(np.fft.rfft(kernel * weight / weight[:, None], axis=0))
 
 
 def blurred(field: Floats, sigma_deg: float) -> Floats:
@@ -41,9 +44,10 @@ def blurred(field: Floats, sigma_deg: float) -> Floats:
     x = float(np.clip(sigma_deg, at[0], at[-1]))
     k = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
     w = (x - at[k]) / (at[k + 1] - at[k])
-    flat = field.reshape(len(field), -1).T
-    made = sum(share * (_blur_matrix(float(at[n])) @ flat) for n, share in ((k, 1 - w), (k + 1, w)) if share)
-    return np.asarray(made).T.reshape(field.shape)
+    spread = sum(share * _spread_of_rings(float(at[n])) for n, share in ((k, 1 - w), (k + 1, w)) if share)
+    rings = np.moveaxis(np.fft.rfft(field, axis=1), 0, -1)
+    made = np.fft.irfft(np.moveaxis(spread @ rings, -1, 0), len(C_DEG), axis=1)
+    return np.where(np.abs(made) > _ROUNDING * np.max(np.abs(field), initial=0.0), made, 0.0)
 
 
 def turned(field: Floats, axes: Floats, degrees: Floats) -> Floats:

@@ -21,6 +21,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.roomlight import RoomLight, fits, room_light
 from analysis.explain.scene import Scene
 from analysis.simulate.room import Room, patches_of
+from labdaq import directions
 from labdaq.cli import cli
 from tests.analysis.explain.campaign import DISTANCE_M, ROOM_M, Floats, make_case
 from tests.analysis.explain.test_mechanisms import term
@@ -218,6 +219,17 @@ def test_an_aureole_keeps_the_flux_and_lowers_the_peak(arm: Scene, width: float)
     assert flux(wide) == pytest.approx(flux(sun), rel=1e-9)
     assert np.all(wide >= 0.0)
     assert np.all(wide.max(axis=(1, 2)) <= sun.max(axis=(1, 2)) * 1.001)
+
+
+def test_one_cell_becomes_a_gaussian_about_itself_and_nothing_else() -> None:
+    field = np.zeros((1, len(C_DEG), len(GAMMA_DEG)))
+    at = 20, 12  # C 100°, gamma 30°
+    field[0, *at] = 1.0
+    wide = blurred(field, 9.0)[0]
+    v = directions.vector(GAMMA_DEG[None, :], C_DEG[:, None])
+    expected = np.exp((v @ v[at] - 1.0) / np.radians(9.0) ** 2)
+    assert wide / wide[at] == pytest.approx(np.where(expected > 1e-3, expected, 0.0), rel=1e-9, abs=1e-12)
+    assert np.count_nonzero(wide) == np.count_nonzero(expected > 1e-3)
 
 
 def test_a_wider_aureole_is_flatter(arm: Scene) -> None:
