@@ -14,7 +14,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.sky.perez import PerezSky
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import TESTS, Floats, Truth, light, rows_of
+from tests.analysis.explain.campaign import TESTS, Floats, Truth, light, make_case, rows_of
 from tests.analysis.explain.roof import (
     ROOF_TESTS,
     SKY_TESTS,
@@ -209,6 +209,18 @@ def test_the_roof_reads_what_the_effect_gives(
     assert made[:count][up] == pytest.approx(exact[up], rel=allowed)
     if mechanism != "clock-offset":
         assert made[count:] == pytest.approx(BEAM + SKY), "the other meter is another meter"
+
+
+def test_under_an_overcast_sky_what_is_taken_from_the_sky_is_the_suns(tmp_path: Path) -> None:
+    """A beam of a hundredth of the diffuse light becomes many times itself; of none that was read nothing is made."""
+    for share, factor in ((0.01, 1.0 + 0.2 / 0.01), (0.001, 1.0)):
+        dull = dataclasses.replace(TESTS[0], global_lx=9000.0 * (1.0 + share), diffuse_lx=9000.0, sky="overcast")
+        scene = Scene(Readings.of(make_case(tmp_path / str(share), tests=(dull, *TESTS[1:3]))))
+        light = scene.dark_light()
+        term(scene, "sky-sun-ratio", "").illuminate(scene, light, np.array([-0.2]))
+        rows = scene.readings.test == 0
+        assert light.sun_factor[rows] == pytest.approx(factor, rel=2e-2)
+        assert light.sky_factor[rows] == pytest.approx(0.8)
 
 
 def test_a_disc_that_is_too_narrow_lets_beam_on_the_shaded_meter(roof: Scene) -> None:
