@@ -6,7 +6,7 @@ from analysis.cases.model import Floats
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
 from analysis.explain.conclusion import Conclusion, Unnamed, doubles
-from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
+from analysis.explain.families import CLOUD, UNREST, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
@@ -18,9 +18,12 @@ from analysis.explain.thresholds import (
     HOLDS_LAWS,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
+    LEAST_MINUTES,
     LIKE_THE_BEST,
     NAME_FIRST,
     NAME_FIRST_BELOW,
+    NAME_FIRST_CLOUD,
+    NAME_FIRST_FAR,
     NAME_FIRST_FREE,
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
@@ -61,6 +64,8 @@ def conclude(search: Search) -> Conclusion:
     named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
     if not found.one_instrument:
         named = [h for h in named if search.least_effect(h) > LEAST_EFFECT_FIRST]
+    else:
+        named = [h for h in named if not _a_moment(h)]
     if named:
         found.best = named[0]
         _grow(search, found)
@@ -75,13 +80,21 @@ def conclude(search: Search) -> Conclusion:
     return found
 
 
+def _a_moment(h: Hypothesis) -> bool:
+    """Whether a clock is off by no more than two instruments differ that were never meant to read at one moment."""
+    return any(t.mechanism.id == UNREST.name and abs(h.fit.theta[k]) < LEAST_MINUTES for t, k in h.fit.placed)
+
+
 def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing"."""
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
+    if any(t.branch.blurs for t in h.fit.terms):
+        return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
     if h.wanders:
-        return NAME_FIRST if h.ids[-1] in found.shown else few * NAME_FIRST_RANDOM
+        usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else NAME_FIRST_RANDOM
+        return NAME_FIRST if h.ids[-1] in found.shown else few * usual
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
@@ -92,6 +105,8 @@ def _needed_beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: s
     began = any(t.tests is not None for t in best.fit.terms if t.mechanism.id == new)  # the likest of hundreds
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
+    if any(t.branch.blurs for t in best.fit.terms if t.mechanism.id == new):
+        return NAME_FIRST_FAR + left
     if random and found.pictures:
         return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
     if random:
@@ -173,11 +188,14 @@ def _wandering_beside(
 def _grow(search: Search, found: Conclusion) -> None:
     """Add a second and a third mechanism while the evidence carries them.
 
-    Of two that act together a third may imitate the sum better than either does alone: so the runners-up are bases too.
+    Of two that act together a third may imitate the sum better than either does alone: so the runners-up are bases too,
+    but no random effect that would not be named first.
     """
     nothing = found.nothing.evidence
     least = nothing + min(RUNNER_UP * (found.best.evidence - nothing), found.best.evidence - nothing - 15.0)
+    few = _few(search)
     near = [h for h in found.singles[:BASES] if h.ids and h.evidence > least]
+    near = [h for h in near if not h.wanders or h.evidence - nothing > _needed(h, found, few)]
     bases = near if found.best in near else [found.best, *near]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
@@ -199,7 +217,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
     if not candidates:
         return None
-    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT]
+    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not _a_moment(h)]
     best = max(seen or candidates, key=lambda h: h.evidence)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:

@@ -84,6 +84,12 @@ class Fit:
         return tuple(p for t in self.terms for p in t.parameters)
 
     @property
+    def placed(self) -> list[tuple[Term, int]]:
+        """Its terms, with the place of each one's first parameter."""
+        ends = np.cumsum([len(t.parameters) for t in self.terms])
+        return [(t, int(end) - len(t.parameters)) for t, end in zip(self.terms, ends, strict=True)]
+
+    @property
     def ids(self) -> tuple[str, ...]:
         """Ids of its mechanisms."""
         return tuple(t.mechanism.id for t in self.terms)

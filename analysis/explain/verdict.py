@@ -34,6 +34,8 @@ from analysis.explain.thresholds import (
     MISFIT_OF_TWO,
     MISFIT_STRONG,
     MOST_MISFIT,
+    NAME_FIRST_BELOW,
+    NAME_FIRST_FAR,
     OF_CASE_ODDS,
     OF_THREE,
     OTHER_LENS,
@@ -208,9 +210,11 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
+    blurs = {h.ids[0] for h in found.singles if len(h.ids) == 1 and any(t.branch.blurs for t in h.fit.terms)}
+    asked = {m: NAME_FIRST_FAR - NAME_FIRST_BELOW if m in blurs else 0.0 for m in alone}  # more than of others
     for m, gain in alone.items():
         if m not in alike:
-            rivals[m,] = (gain - (whole if m in bases else top)) / units[m]
+            rivals[m,] = (gain - asked[m] - (whole if m in bases else top)) / units[m]
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}

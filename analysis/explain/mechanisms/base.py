@@ -58,12 +58,15 @@ class Branch:
         to another case.
     brought
         Whether the case brings the change itself, in another form than a path of settings.
+    blurs
+        Whether the change is hardly more than a blur, as that of a lens simulated a little wrong.
     """
 
     label: str = ""
     value: Any = None
     facts: dict[str, float] = field(default_factory=dict)
     brought: bool = False
+    blurs: bool = False
 
     @property
     def of_case(self) -> bool:

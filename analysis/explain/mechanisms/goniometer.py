@@ -27,6 +27,10 @@ _INTERPOLATED = 0.25
 """Form error of a turn where the prediction is known at the sensors' nominal directions alone: sharp images dull."""
 
 
+_FAR_DEG = float(np.degrees(np.arctan(0.5 / 6.0)))
+"""Half the width of an aperture that is six of itself away; the five-times rule calls that far."""
+
+
 class NearField(Mechanism):
     """The sensors are not infinitely far away: each sees the aperture's parts under different angles."""
 
@@ -62,16 +66,19 @@ class NearField(Mechanism):
         """By re-simulation where there is one, in closed form from the predicted far field itself, and halfway.
 
         Each errs in its own way: the mean is nearer to another lens than either. Of several systems one's lens may be
-        likened and another's not: each is simulated alone, too, beside the others' closed form.
+        likened and another's not: each is simulated alone, too, beside the others' closed form. What the case brings
+        needs no other form.
         """
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
-        brought = scene.retraced is not None and "near-field" in scene.retraced.case_paths
+        if scene.retraced is not None and "near-field" in scene.retraced.case_paths:
+            return (Branch("traced", dict.fromkeys(systems_on_the_arm(scene), 1.0), brought=True),)
         ways = {"traced": 1.0, "halfway": 0.5} if retraced else {}
         systems = systems_on_the_arm(scene)
         apart = [(f"{label}, {name} only", {k: share}) for label, share in ways.items() for k, name in systems.items()]
         together = [(label, dict.fromkeys(systems, share)) for label, share in {"closed form": 0.0, **ways}.items()]
         tried = together + (apart if len(systems) > 1 else [])
-        return tuple(Branch(label, share, brought=brought and label.startswith("traced")) for label, share in tried)
+        blurs = self.displaces_deg(scene) < _FAR_DEG
+        return tuple(Branch(label, share, blurs=blurs) for label, share in tried)
 
     def displaces_deg(self, scene: Scene) -> float:
         """The aperture's half width as the sensors see it."""

@@ -288,22 +288,27 @@ def test_a_near_field_halfway_is_the_mean_of_both_ways(scene: Scene) -> None:
 
 
 def test_a_near_field_that_the_case_brings_is_its_own(scene: Scene) -> None:
-    """The form is the prediction's own then, and leaves less for others."""
-    assert not any(t.branch.of_case for t in terms_of(BY_ID["near-field"], scene))
+    """The form is the prediction's own then, needs no other beside it, and leaves less for others."""
+    ways = {t.branch.label: t for t in terms_of(BY_ID["near-field"], scene)}
+    assert not any(t.branch.of_case for t in ways.values())
     assert scene.retraced is not None
     weight = Parameter("weight", "1", "share", 0.0, 1.0, 1.0, (1.0,))
     path = Path("near", weight, np.array([0.0, 1.0]), *np.ones((2, 2, *scene.fields.sun.shape)), of_case=True)
     brought = replace(scene, retraced=replace(scene.retraced, case_paths={"near-field": (path,)}))
-    ways = {t.branch.label: t for t in terms_of(BY_ID["near-field"], brought)}
-    assert [label for label, t in ways.items() if t.branch.of_case] == [
-        "traced",
-        "traced, box only",
-        "traced, tube only",
-    ]
-    nothing, left = Hypothesis(Fit((), *np.zeros((3, 0))), 0.0), {}
-    for label in ("traced", "closed form"):
-        left[label] = misfit(Hypothesis(Fit((ways[label],), *np.zeros((3, 0))), 100.0), nothing)
-    assert left["traced"] == pytest.approx(OF_CASE**2 * 100.0) and left["closed form"] > left["traced"]
+    (own,) = terms_of(BY_ID["near-field"], brought)
+    assert own.branch.label == "traced" and own.branch.of_case and not own.branch.blurs
+    nothing = Hypothesis(Fit((), *np.zeros((3, 0))), 0.0)
+    left = [misfit(Hypothesis(Fit((t,), *np.zeros((3, 0))), 100.0), nothing) for t in (own, ways["closed form"])]
+    assert left[0] == pytest.approx(OF_CASE**2 * 100.0) and left[1] > left[0]
+
+
+def test_a_near_field_beyond_six_apertures_is_hardly_more_than_a_blur(scene: Scene) -> None:
+    case = scene.readings.case
+    for distance, blurs in ((2.6, False), (4.5, True)):  # the largest opening is 0.61 m wide
+        arm = case.setup.goniometer.model_copy(update={"distance_m": distance})  # type: ignore[union-attr]
+        setup = case.setup.model_copy(update={"goniometer": arm})
+        far = replace(scene, readings=replace(scene.readings, case=replace(case, setup=setup)))
+        assert {t.branch.blurs for t in terms_of(BY_ID["near-field"], far)} == {blurs}
 
 
 def test_a_near_field_is_traced_in_one_system_alone_too(scene: Scene) -> None:
@@ -356,14 +361,13 @@ def test_a_mechanism_does_what_was_traced(
         assert light.sky == pytest.approx(sky)
 
 
-def test_one_system_may_tell_a_clock_and_all_suns_move(
-    scene: Scene, made: Retracings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    alone = _path(made, "clock-offset", "own re-simulation, box only")
-    assert np.std(alone.sun[-1][BOX]) > 0.01
-    assert np.all(alone.sun[:, TUBE] == 1.0)
+def test_one_clock_moves_all_suns(scene: Scene, made: Retracings, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not any("only" in p.label for p in made.paths["clock-offset"])
+    assert any("only" in p.label for p in made.paths["lens-haze"])
+    together = _path(made, "clock-offset", "own re-simulation")
+    assert all(np.std(together.sun[-1][test]) > 0.01 for test in (BOX, TUBE))
     monkeypatch.setattr(again, "RAYS", 2_000)
-    told = term(scene, "clock-offset", alone.label)
+    told = term(scene, "clock-offset", "")
     found = again.simulated_again(scene, (told,), np.array([15.0]))
     assert found is not None
     change = found.predicted / scene.readings.simulated

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from analysis.explain.conclude import _needed, _needed_beside, _wandering_beside, conclude
+import analysis.explain.conclude as conclusions
+from analysis.explain.conclude import _a_moment, _grow, _needed, _needed_beside, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -29,6 +30,8 @@ from analysis.explain.thresholds import (
     MISFIT_OF_TWO,
     MOST_MISFIT,
     NAME_FIRST_BELOW,
+    NAME_FIRST_CLOUD,
+    NAME_FIRST_FAR,
     NAME_FIRST_FREE,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
@@ -466,6 +469,50 @@ def test_a_change_that_the_case_brings_leaves_little_for_others(arm: Scene) -> N
         left.append(misfit(found.best, found.nothing))
     assert left == [pytest.approx(MISFIT_LENS * 1000.0), pytest.approx(MOST_MISFIT)]
     assert MOST_MISFIT < MISFIT_LENS * 1000.0
+
+
+def test_a_cloud_that_repeats_do_not_show_is_asked_for_more(arm: Scene) -> None:
+    nothing = _hypothesis(arm, 0.0)
+    cloud = replace(nothing, wanders=(Wandering(CLOUD, 0.05, 25.0),))
+    assert _needed(cloud, Conclusion(nothing, nothing, []), 0.5) == 0.5 * NAME_FIRST_CLOUD
+    assert _needed(cloud, Conclusion(nothing, nothing, [], shown={CLOUD.name}), 0.5) < 0.5 * NAME_FIRST_CLOUD
+
+
+def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name that is second to it is likely first, and the cloud what that leaves."""
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), _hypothesis(arm, 0.0)
+    name = _hypothesis(arm, 46.0, "cosine-response")
+    bases: list[str] = []
+    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: bases.append(base.first))
+    for gain, sought in ((39.0, {"cosine-response"}), (45.0, {"cosine-response", "cloud-drift"})):
+        cloud = replace(_hypothesis(arm, gain), wanders=(Wandering(CLOUD, 0.05, 25.0),))
+        bases.clear()
+        _grow(search, Conclusion(name, nothing, [name, cloud], readings=1280))
+        assert set(bases) == sought
+
+
+def test_a_clock_that_is_off_by_seconds_is_none(roof: Scene) -> None:
+    off = _hypothesis(roof, 100.0, "meter-gain", "clock-offset")
+    for minutes, moment in ((0.03, True), (-0.09, True), (0.4, False)):
+        theta = np.zeros(len(off.fit.parameters))
+        theta[0], theta[-1] = 0.02, minutes
+        assert _a_moment(replace(off, fit=replace(off.fit, theta=theta))) == moment
+
+
+def test_a_blur_is_asked_for_more(arm: Scene) -> None:
+    near, other = _hypothesis(arm, 50.0, "near-field"), _hypothesis(arm, 50.0, "c-offset")
+    (term,) = near.fit.terms
+    nothing = _hypothesis(arm, 0.0)
+    for blurs in (True, False):
+        seen = replace(term, branch=replace(term.branch, blurs=blurs))
+        alone = replace(near, fit=replace(near.fit, terms=(seen,)))
+        both = replace(near, fit=replace(near.fit, terms=(*other.fit.terms, seen)))
+        found = Conclusion(other, nothing, [other])
+        assert (_needed(alone, found, 1.0) == NAME_FIRST_FAR) == blurs
+        beside = Conclusion(other, nothing, [alone, other])
+        decide(beside, 1.0)
+        assert (beside.probability["c-offset"] > 0.8) == blurs, "as a rival, too"
+        assert (_needed_beside(both, other, found, "near-field", random=False) >= NAME_FIRST_FAR) == blurs
 
 
 def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:
