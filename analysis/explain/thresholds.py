@@ -41,7 +41,7 @@ NAME_FIRST_LENS = 24.0
 state that began in some test, which are the likest of hundreds; below a skylight also what makes one test's sun
 brighter or dimmer than another's or moves it, as a lens does whose error depends on where the sun stands."""
 NAME_FIRST_CLOUD = 40.0
-"""The same of a cloud: planes follow each other in time, and what a simulation has wrong in each looks so. (Of six
+"""The same of a cloud: planes follow each other in time, and what a simulation has wrong in each looks so. (Of four
 authors' clouds without such readings the least gained 47; 34 and 21 where nothing was left out, 34 beside another.)"""
 NAME_FIRST_FAR = 60.0
 """A near field beyond six apertures must gain this unless the case brings it: it is hardly more than a blur
