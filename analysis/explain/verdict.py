@@ -4,6 +4,7 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_optics, temper, traced
+from analysis.explain.families import CLOUD
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
@@ -35,6 +36,7 @@ from analysis.explain.thresholds import (
     MISFIT_STRONG,
     MOST_MISFIT,
     NAME_FIRST_BELOW,
+    NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
     OF_CASE_ODDS,
     OF_THREE,
@@ -210,8 +212,7 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
-    blurs = {h.ids[0] for h in found.singles if len(h.ids) == 1 and any(t.branch.blurs for t in h.fit.terms)}
-    asked = {m: NAME_FIRST_FAR - NAME_FIRST_BELOW if m in blurs else 0.0 for m in alone}  # more than of others
+    asked = {h.ids[0]: _asked_more(found, h) for h in found.singles if len(h.ids) == 1}
     for m, gain in alone.items():
         if m not in alike:
             rivals[m,] = (gain - asked[m] - (whole if m in bases else top)) / units[m]
@@ -220,6 +221,14 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
     likelier = {key: _ends(found, key) + _brought(found, key) for key in rivals}
     return {key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier[key] for key, odds in rivals.items()}
+
+
+def _asked_more(found: Conclusion, h: Hypothesis) -> float:
+    """How many nats more a single is asked for than others, as a first name."""
+    if any(t.branch.blurs for t in h.fit.terms):
+        return NAME_FIRST_FAR - NAME_FIRST_BELOW
+    cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
+    return NAME_FIRST_CLOUD - NAME_FIRST_BELOW if cloud else 0.0
 
 
 def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:

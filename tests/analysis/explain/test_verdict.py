@@ -478,6 +478,15 @@ def test_a_cloud_that_repeats_do_not_show_is_asked_for_more(arm: Scene) -> None:
     assert _needed(cloud, Conclusion(nothing, nothing, [], shown={CLOUD.name}), 0.5) < 0.5 * NAME_FIRST_CLOUD
 
 
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_cloud_is_a_rival_only_if_repeats_show_it(arm: Scene, shown: bool) -> None:
+    name, nothing = _hypothesis(arm, 40.0, "cosine-response"), _hypothesis(arm, 0.0)
+    cloud = replace(_hypothesis(arm, 39.0), wanders=(Wandering(CLOUD, 0.05, 25.0),))
+    found = Conclusion(name, nothing, [name, cloud], shown={CLOUD.name} if shown else set())
+    decide(found, 1.0)
+    assert (found.probability["cosine-response"] < 0.6) == shown
+
+
 def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """A name that is second to it is likely first, and the cloud what that leaves."""
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), _hypothesis(arm, 0.0)
