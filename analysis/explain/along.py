@@ -1,5 +1,8 @@
 """Random functions of time, level, direction and the sun's place: independent unit effects on a scene's rows."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from analysis.cases.model import Floats
@@ -26,40 +29,46 @@ def loud(scene: Scene) -> Floats:
 
 
 def in_time(scene: Scene, seconds: float) -> Floats:
-    """The sun's brightness as a random function of time within each test."""
-    r = scene.readings
-    t = r.utc_ns / 1e9
-    parts = []
-    for k in np.unique(r.test):
-        rows = r.test == k
-        times, which = np.unique(t[rows], return_inverse=True)
-        if (times[-1] - times[0]) / (0.7 * seconds) + 2 < len(times):
-            nodes = np.arange(times[0] - seconds / 2, times[-1] + seconds, 0.7 * seconds)
-            made = smooth(t[rows], nodes, seconds)
-        else:  # fewer readings than nodes: their own covariance is the smaller thing
-            near = np.exp(-(((times[:, None] - times[None, :]) / seconds) ** 2))
-            made = np.linalg.cholesky(near + 1e-6 * np.eye(len(times)))[which]
-        part = np.zeros((len(r), made.shape[1]))
-        part[rows] = made
-        parts.append(part)
-    return np.concatenate(parts, axis=1) * sun_share(scene)[:, None]
+    """The sun's brightness as a smooth random function of time within each test."""
+    return _within_tests(scene, partial(_smoothly, seconds=seconds))
 
 
 def roughly_in_time(scene: Scene, seconds: float) -> Floats:
     """The same with steps at all scales, as the edges of clouds make them: covariance exp(-|Δt| / ``seconds``)."""
+    return _within_tests(scene, partial(_roughly, seconds=seconds))
+
+
+def _within_tests(scene: Scene, made: Callable[[Floats], Floats]) -> Floats:
+    """Effects on the sun's part that know nothing from test to test; ``made`` gives those (n, K) at times (n,) [s]."""
     r = scene.readings
     t = r.utc_ns / 1e9
     parts = []
     for k in np.unique(r.test):
         rows = r.test == k
-        times, which = np.unique(t[rows], return_inverse=True)
-        nodes = np.arange(times[0], times[-1] + 2.0 * seconds / _PER_TIME, seconds / _PER_TIME)
-        at = times if len(times) <= len(nodes) else nodes
-        root = np.linalg.cholesky(np.exp(-np.abs(at[:, None] - at[None, :]) / seconds) + 1e-6 * np.eye(len(at)))
-        part = np.zeros((len(r), len(at)))
-        part[rows] = root[which] if at is times else _between(t[rows], nodes, root)
+        effects = made(t[rows])
+        part = np.zeros((len(r), effects.shape[1]))
+        part[rows] = effects
         parts.append(part)
     return np.concatenate(parts, axis=1) * sun_share(scene)[:, None]
+
+
+def _smoothly(t: Floats, seconds: float) -> Floats:
+    """Effects (n, K) of a smooth function of time at ``t`` (n,) [s]."""
+    times, which = np.unique(t, return_inverse=True)
+    if (times[-1] - times[0]) / (0.7 * seconds) + 2 < len(times):
+        return smooth(t, np.arange(times[0] - seconds / 2, times[-1] + seconds, 0.7 * seconds), seconds)
+    # fewer readings than nodes: their own covariance is the smaller thing
+    near = np.exp(-(((times[:, None] - times[None, :]) / seconds) ** 2))
+    return np.asarray(np.linalg.cholesky(near + 1e-6 * np.eye(len(times)))[which])
+
+
+def _roughly(t: Floats, seconds: float) -> Floats:
+    """Effects (n, K) of a rough function of time at ``t`` (n,) [s]."""
+    times, which = np.unique(t, return_inverse=True)
+    nodes = np.arange(times[0], times[-1] + 2.0 * seconds / _PER_TIME, seconds / _PER_TIME)
+    at = times if len(times) <= len(nodes) else nodes
+    root = np.linalg.cholesky(np.exp(-np.abs(at[:, None] - at[None, :]) / seconds) + 1e-6 * np.eye(len(at)))
+    return np.asarray(root[which] if at is times else _between(t, nodes, root))
 
 
 def _between(t: Floats, nodes: Floats, values: Floats) -> Floats:

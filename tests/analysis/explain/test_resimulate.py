@@ -304,8 +304,9 @@ def test_a_near_field_that_the_case_brings_is_its_own(scene: Scene) -> None:
 
 def test_a_near_field_beyond_six_apertures_is_hardly_more_than_a_blur(scene: Scene) -> None:
     case = scene.readings.case
+    assert case.setup.goniometer is not None
     for distance, blurs in ((2.6, False), (4.5, True)):  # the largest opening is 0.61 m wide
-        arm = case.setup.goniometer.model_copy(update={"distance_m": distance})  # type: ignore[union-attr]
+        arm = case.setup.goniometer.model_copy(update={"distance_m": distance})
         setup = case.setup.model_copy(update={"goniometer": arm})
         far = replace(scene, readings=replace(scene.readings, case=replace(case, setup=setup)))
         assert {t.branch.blurs for t in terms_of(BY_ID["near-field"], far)} == {blurs}
