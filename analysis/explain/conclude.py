@@ -3,10 +3,11 @@
 import numpy as np
 
 from analysis.cases.model import Floats
+from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
 from analysis.explain.conclusion import Conclusion, Unnamed, doubles
-from analysis.explain.families import CLOUD, UNREST, named_wanders, unnamed_wanders
+from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
@@ -18,33 +19,13 @@ from analysis.explain.thresholds import (
     HOLDS_LAWS,
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
-    LEAST_MINUTES,
     LIKE_THE_BEST,
-    NAME_FIRST,
-    NAME_FIRST_BELOW,
-    NAME_FIRST_CLOUD,
-    NAME_FIRST_FAR,
-    NAME_FIRST_FREE,
-    NAME_FIRST_LENS,
-    NAME_FIRST_RANDOM,
-    NAME_SECOND,
-    NAME_SECOND_BELOW,
-    NAME_SECOND_EXPOSURES,
-    NAME_SECOND_LENS,
-    NAME_SECOND_RANDOM,
     RUNNER_UP,
     SHOWN,
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles
-
-_OF_THE_SUN = {Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME}
-"""What acts here acts alike on all readings under one sun, as a simulation's own error does."""
-_NO_LAWS_OF_LEVEL = {"projection-error", "vignetting", "clock-offset"}
-"""What changes a picture by place or time: no random function of the level holds it."""
-_FEW_NUMBERS = 2
-"""A form with more parameters than this bends to ripple."""
+from analysis.explain.verdict import decide, name_the_sure, share_of, share_with_doubles
 
 
 def conclude(search: Search) -> Conclusion:
@@ -60,12 +41,12 @@ def conclude(search: Search) -> Conclusion:
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
-    few = _few(search)
-    named = [h for h in found.singles if h.evidence - nothing.evidence > _needed(h, found, few)]
+    few = asked.share_of_few(search)
+    named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:
         named = [h for h in named if search.least_effect(h) > LEAST_EFFECT_FIRST]
     else:
-        named = [h for h in named if not _a_moment(h)]
+        named = [h for h in named if not asked.is_a_moment(h)]
     if named:
         found.best = named[0]
         _grow(search, found)
@@ -78,46 +59,6 @@ def conclude(search: Search) -> Conclusion:
     if found.best.ids:
         _widen(search, found)
     return found
-
-
-def _a_moment(h: Hypothesis) -> bool:
-    """Whether a clock is off by no more than two instruments differ that were never meant to read at one moment."""
-    return any(t.mechanism.id == UNREST.name and abs(h.fit.theta[k]) < LEAST_MINUTES for t, k in h.fit.placed)
-
-
-def _needed(h: Hypothesis, found: Conclusion, few: float) -> float:
-    """What a first mechanism must gain over "nothing"."""
-    doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
-    if any(t.branch.blurs for t in h.fit.terms):
-        return NAME_FIRST_FAR
-    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
-        return NAME_FIRST_LENS
-    if h.wanders:
-        usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else NAME_FIRST_RANDOM
-        return NAME_FIRST if h.ids[-1] in found.shown else few * usual
-    if found.one_instrument:
-        return NAME_FIRST
-    return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
-
-
-def _needed_beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:
-    """What a further mechanism must gain beside others."""
-    began = any(t.tests is not None for t in best.fit.terms if t.mechanism.id == new)  # the likest of hundreds
-    held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
-    left = max(misfit(h, found.nothing) for h in (base, found.best))
-    if any(t.branch.blurs for t in best.fit.terms if t.mechanism.id == new):
-        return NAME_FIRST_FAR + left
-    if random and found.pictures:
-        return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
-    if random:
-        return NAME_SECOND_RANDOM + held + left
-    usual = NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW
-    return left + (NAME_SECOND_RANDOM if began else NAME_SECOND_LENS if _like_a_lens(best, base) else usual)
-
-
-def _few(search: Search) -> float:
-    """Share of a threshold that guards against ripple: where there are few readings, ripple cannot add up."""
-    return float(np.clip(np.sqrt(len(search.scene.readings) / 1000.0), 0.25, 1.0))
 
 
 def _widen(search: Search, found: Conclusion) -> None:
@@ -193,9 +134,9 @@ def _grow(search: Search, found: Conclusion) -> None:
     """
     nothing = found.nothing.evidence
     least = nothing + min(RUNNER_UP * (found.best.evidence - nothing), found.best.evidence - nothing - 15.0)
-    few = _few(search)
+    few = asked.share_of_few(search)
     near = [h for h in found.singles[:BASES] if h.ids and h.evidence > least]
-    near = [h for h in near if not h.wanders or h.evidence - nothing > _needed(h, found, few)]
+    near = [h for h in near if not h.wanders or h.evidence - nothing > asked.first(h, found, few)]
     bases = near if found.best in near else [found.best, *near]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
@@ -217,14 +158,14 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
     if not candidates:
         return None
-    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not _a_moment(h)]
+    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not asked.is_a_moment(h)]
     best = max(seen or candidates, key=lambda h: h.evidence)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    needed = _needed_beside(best, base, found, new, random)
+    needed = asked.beside(best, base, found, new, random)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
@@ -241,12 +182,6 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
 
 def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:
     return frozenset(ids) - {name}
-
-
-def _like_a_lens(h: Hypothesis, base: Hypothesis) -> bool:
-    """Whether what ``h`` adds to ``base`` looks like a lens simulated a little wrong, and was not simulated with it."""
-    added = [t for t in h.fit.terms if t.mechanism.id not in base.ids]
-    return any(t.mechanism.like_a_lens and not t.branch.of_case for t in added)
 
 
 def _look_for_unnamed(search: Search, found: Conclusion) -> None:

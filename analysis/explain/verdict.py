@@ -3,12 +3,10 @@
 import numpy as np
 from scipy.special import expit
 
-from analysis.explain.conclusion import Conclusion, doubles, flattens, of_another_lens, of_optics, temper, traced
-from analysis.explain.families import CLOUD
-from analysis.explain.form_error import OF_CASE
+from analysis.explain import asked
+from analysis.explain.conclusion import Conclusion, doubles, flattens, of_optics, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AHEAD,
@@ -30,14 +28,7 @@ from analysis.explain.thresholds import (
     LEFT_OVER,
     LEVEL_ALONE,
     LIKELIER,
-    MISFIT_LENS,
-    MISFIT_LIKE_A_LENS,
-    MISFIT_OF_TWO,
-    MISFIT_STRONG,
     MOST_MISFIT,
-    NAME_FIRST_BELOW,
-    NAME_FIRST_CLOUD,
-    NAME_FIRST_FAR,
     OF_CASE_ODDS,
     OF_THREE,
     OTHER_LENS,
@@ -98,7 +89,7 @@ def _may_be_left(found: Conclusion, gain: float) -> float:
     first = [t for t in found.best.fit.terms if t.mechanism.id == found.best.first]
     random = LEFT_OF_RANDOM if found.best.wanders else LEFT_OF_STRONG
     share = LEFT_OF_LENS if any(traced(t) for t in first) else random
-    return UNNAMED + max(min(misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
+    return UNNAMED + max(min(asked.misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
 
 
 def _rougher(found: Conclusion, usual: Hyper) -> bool:
@@ -161,23 +152,6 @@ def name_the_sure(found: Conclusion) -> bool:
     return True
 
 
-def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
-    """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
-    gain = max(h.evidence - nothing.evidence, 0.0)
-    if of_another_lens(h):
-        return MISFIT_LENS * gain
-    if any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
-        return MISFIT_LIKE_A_LENS * gain
-    wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
-    share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
-    return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
-
-
-def _wrong(term: Term) -> float:
-    """How wrong a form may be, relative to its effect; one that the case brings is the prediction's own."""
-    return min(term.mechanism.form_error, OF_CASE) if term.branch.of_case else term.mechanism.form_error
-
-
 def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list[str]:
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
     gain = alone.get(name, 0.0)
@@ -212,23 +186,15 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
-    asked = {h.ids[0]: _asked_more(found, h) for h in found.singles if len(h.ids) == 1}
+    more = {h.ids[0]: asked.more_as_rival(h, found) for h in found.singles if len(h.ids) == 1}
     for m, gain in alone.items():
         if m not in alike:
-            rivals[m,] = (gain - asked[m] - (whole if m in bases else top)) / units[m]
+            rivals[m,] = (gain - more[m] - (whole if m in bases else top)) / units[m]
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
     likelier = {key: _ends(found, key) + _brought(found, key) for key in rivals}
     return {key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier[key] for key, odds in rivals.items()}
-
-
-def _asked_more(found: Conclusion, h: Hypothesis) -> float:
-    """How many nats more a single is asked for than others, as a first name."""
-    if any(t.branch.blurs for t in h.fit.terms):
-        return NAME_FIRST_FAR - NAME_FIRST_BELOW
-    cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
-    return NAME_FIRST_CLOUD - NAME_FIRST_BELOW if cloud else 0.0
 
 
 def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.explain import again, likeness, settings, tracing
+from analysis.explain.asked import misfit
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
@@ -21,7 +22,6 @@ from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.settings import EVENED, EVENED_DEG, UNLIMITED
 from analysis.explain.tracing import IMAGE_DEG, Tracing
-from analysis.explain.verdict import misfit
 from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.test_mechanisms import term
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.special import expit
 
 import analysis.explain.conclude as conclusions
-from analysis.explain.conclude import _a_moment, _grow, _needed, _needed_beside, _wandering_beside, conclude
+from analysis.explain import asked
+from analysis.explain.conclude import _grow, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -45,7 +46,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, misfit, name_the_sure, share_of, share_with_doubles, stand_out
+from analysis.explain.verdict import decide, name_the_sure, share_of, share_with_doubles, stand_out
 from analysis.explain.wander import Wandering
 
 
@@ -103,8 +104,8 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: f
     term = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label == label)
     no = np.zeros(0)
     h, nothing = Hypothesis(Fit((term,), no, no, no), 30.0), Hypothesis(Fit((), no, no, no), 0.0)
-    assert _needed(h, Conclusion(nothing, nothing, []), 1.0) == needed
-    assert _needed(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
+    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == needed
+    assert asked.first(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
 
 
 def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
@@ -466,7 +467,7 @@ def test_a_change_that_the_case_brings_leaves_little_for_others(arm: Scene) -> N
         found = _decided(arm, ("lens-orientation", 1000.0))
         _on_another_lens(found, of_case=of_case)
         assert of_another_lens(found.best) is not of_case
-        left.append(misfit(found.best, found.nothing))
+        left.append(asked.misfit(found.best, found.nothing))
     assert left == [pytest.approx(MISFIT_LENS * 1000.0), pytest.approx(MOST_MISFIT)]
     assert MOST_MISFIT < MISFIT_LENS * 1000.0
 
@@ -474,8 +475,8 @@ def test_a_change_that_the_case_brings_leaves_little_for_others(arm: Scene) -> N
 def test_a_cloud_that_repeats_do_not_show_is_asked_for_more(arm: Scene) -> None:
     nothing = _hypothesis(arm, 0.0)
     cloud = replace(nothing, wanders=(Wandering(CLOUD, 0.05, 25.0),))
-    assert _needed(cloud, Conclusion(nothing, nothing, []), 0.5) == 0.5 * NAME_FIRST_CLOUD
-    assert _needed(cloud, Conclusion(nothing, nothing, [], shown={CLOUD.name}), 0.5) < 0.5 * NAME_FIRST_CLOUD
+    assert asked.first(cloud, Conclusion(nothing, nothing, []), 0.5) == 0.5 * NAME_FIRST_CLOUD
+    assert asked.first(cloud, Conclusion(nothing, nothing, [], shown={CLOUD.name}), 0.5) < 0.5 * NAME_FIRST_CLOUD
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -505,7 +506,7 @@ def test_a_clock_that_is_off_by_seconds_is_none(roof: Scene) -> None:
     for minutes, moment in ((0.03, True), (-0.09, True), (0.4, False)):
         theta = np.zeros(len(off.fit.parameters))
         theta[0], theta[-1] = 0.02, minutes
-        assert _a_moment(replace(off, fit=replace(off.fit, theta=theta))) == moment
+        assert asked.is_a_moment(replace(off, fit=replace(off.fit, theta=theta))) == moment
 
 
 def test_a_blur_is_asked_for_more(arm: Scene) -> None:
@@ -517,38 +518,38 @@ def test_a_blur_is_asked_for_more(arm: Scene) -> None:
         alone = replace(near, fit=replace(near.fit, terms=(seen,)))
         both = replace(near, fit=replace(near.fit, terms=(*other.fit.terms, seen)))
         found = Conclusion(other, nothing, [other])
-        assert (_needed(alone, found, 1.0) == NAME_FIRST_FAR) == blurs
+        assert (asked.first(alone, found, 1.0) == NAME_FIRST_FAR) == blurs
         beside = Conclusion(other, nothing, [alone, other])
         decide(beside, 1.0)
         assert (beside.probability["c-offset"] > 0.8) == blurs, "as a rival, too"
-        assert (_needed_beside(both, other, found, "near-field", random=False) >= NAME_FIRST_FAR) == blurs
+        assert (asked.beside(both, other, found, "near-field", random=False) >= NAME_FIRST_FAR) == blurs
 
 
 def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:
-    asked = []
+    least = []
     for of_case in (False, True):
         first, both = (_hypothesis(arm, 100.0, *ids) for ids in (("c-offset",), ("c-offset", "lens-orientation")))
         path = Path("turned", both.fit.terms[1].parameters[0], np.zeros(2), *np.ones((2, 2, 1, 1, 1)), of_case=of_case)
         both.fit.terms = (both.fit.terms[0], replace(both.fit.terms[1], branch=Branch("turned", path)))
         found = Conclusion(first, _hypothesis(arm, 0.0), [first])
-        asked.append(
-            _needed_beside(both, first, found, "lens-orientation", random=False) - misfit(first, found.nothing)
+        least.append(
+            asked.beside(both, first, found, "lens-orientation", random=False) - asked.misfit(first, found.nothing)
         )
-    assert asked == [NAME_SECOND_LENS, NAME_SECOND_BELOW]
+    assert least == [NAME_SECOND_LENS, NAME_SECOND_BELOW]
 
 
 def test_errors_of_the_exposures_hold_what_laws_of_the_level_leave(picture: Scene) -> None:
     """Beside a wrong projection they hold nothing; and an arm's random effect must gain more beside either."""
-    nothing, asked = _hypothesis(picture, 0.0), {}
+    nothing, least = _hypothesis(picture, 0.0), {}
     for name in ("projection-error", "veiling-glare"):
         first = _hypothesis(picture, 300.0, name)
         both = replace(first, wanders=(Wandering(SHUTTER, 0.05),))
         found = Conclusion(first, nothing, [first], one_instrument=True, pictures=True)
-        asked[name] = _needed_beside(both, first, found, "exposure-error", random=True)
+        least[name] = asked.beside(both, first, found, "exposure-error", random=True)
         arm = replace(found, pictures=False)
-        assert _needed_beside(both, first, arm, "exposure-error", random=True) > NAME_SECOND_RANDOM
-    assert asked["projection-error"] == NAME_SECOND_EXPOSURES
-    assert asked["veiling-glare"] == pytest.approx(NAME_SECOND_EXPOSURES + HOLDS_LAWS * 300.0)
+        assert asked.beside(both, first, arm, "exposure-error", random=True) > NAME_SECOND_RANDOM
+    assert least["projection-error"] == NAME_SECOND_EXPOSURES
+    assert least["veiling-glare"] == pytest.approx(NAME_SECOND_EXPOSURES + HOLDS_LAWS * 300.0)
 
 
 def test_below_a_skylight_a_few_odd_readings_void_no_name(arm: Scene) -> None:
@@ -702,8 +703,8 @@ def test_where_another_lens_was_simulated_only_a_change_of_the_lens_is_told(arm:
 def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> None:
     one, two = (_hypothesis(arm, 5000.0, *ids) for ids in (("c-handedness",), ("c-handedness", "gamma-offset")))
     nothing = _hypothesis(arm, 0.0)
-    assert misfit(two, nothing) == pytest.approx(MISFIT_OF_TWO * 5000.0)
-    assert misfit(one, nothing) < misfit(two, nothing)
+    assert asked.misfit(two, nothing) == pytest.approx(MISFIT_OF_TWO * 5000.0)
+    assert asked.misfit(one, nothing) < asked.misfit(two, nothing)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,114 @@
+"""How much evidence a name is asked for [nats]: as the first, beside others, and as a rival of another.
+
+What looks like a simulation's own errors is asked for more than what does not.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.explain.conclusion import Conclusion, of_another_lens
+from analysis.explain.families import CLOUD, UNREST
+from analysis.explain.form_error import OF_CASE
+from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.base import Stage, Term
+from analysis.explain.search import Search
+from analysis.explain.thresholds import (
+    HOLDS_LAWS,
+    LEAST_MINUTES,
+    MISFIT_LENS,
+    MISFIT_LIKE_A_LENS,
+    MISFIT_OF_TWO,
+    MISFIT_STRONG,
+    MOST_MISFIT,
+    NAME_FIRST,
+    NAME_FIRST_BELOW,
+    NAME_FIRST_CLOUD,
+    NAME_FIRST_FAR,
+    NAME_FIRST_FREE,
+    NAME_FIRST_LENS,
+    NAME_FIRST_RANDOM,
+    NAME_SECOND,
+    NAME_SECOND_BELOW,
+    NAME_SECOND_EXPOSURES,
+    NAME_SECOND_LENS,
+    NAME_SECOND_RANDOM,
+)
+
+_OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
+"""What acts here acts alike on all readings under one sun, as a simulation's own error does."""
+_NO_LAWS_OF_LEVEL: Final = frozenset({"projection-error", "vignetting", "clock-offset"})
+"""What changes a picture by place or time: no random function of the level holds it."""
+_FEW_NUMBERS: Final = 2
+"""A form with more parameters than this bends to ripple."""
+
+
+def first(h: Hypothesis, found: Conclusion, few: float) -> float:
+    """What a first mechanism must gain over "nothing", with so much of a random effect's bound (`share_of_few`)."""
+    doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
+    if _blurs(h.fit.terms):
+        return NAME_FIRST_FAR
+    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
+        return NAME_FIRST_LENS
+    if h.wanders:
+        usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else NAME_FIRST_RANDOM
+        return NAME_FIRST if h.ids[-1] in found.shown else few * usual
+    if found.one_instrument:
+        return NAME_FIRST
+    return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
+
+
+def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:
+    """What the further mechanism ``new`` of ``best`` must gain beside ``base``."""
+    added = [t for t in best.fit.terms if t.mechanism.id == new]
+    held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
+    left = max(misfit(h, found.nothing) for h in (base, found.best))
+    if _blurs(added):
+        return NAME_FIRST_FAR + left
+    if random and found.pictures:
+        return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
+    if random:
+        return NAME_SECOND_RANDOM + held + left
+    if any(t.tests is not None for t in added):  # the likest of hundreds
+        return NAME_SECOND_RANDOM + left
+    if any(t.mechanism.like_a_lens and not t.branch.of_case for t in added):
+        return NAME_SECOND_LENS + left
+    return left + (NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW)
+
+
+def more_as_rival(h: Hypothesis, found: Conclusion) -> float:
+    """How many nats more than others a single is asked for: by so much less it speaks against another name."""
+    cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
+    return first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or _blurs(h.fit.terms) else 0.0
+
+
+def share_of_few(search: Search) -> float:
+    """Share of a threshold that guards against ripple: where there are few readings, ripple cannot add up."""
+    return float(np.clip(np.sqrt(len(search.scene.readings) / 1000.0), 0.25, 1.0))
+
+
+def is_a_moment(h: Hypothesis) -> bool:
+    """Whether a clock is off by no more than two instruments differ that were never meant to read at one moment."""
+    return any(t.mechanism.id == UNREST.name and abs(h.fit.theta[k]) < LEAST_MINUTES for t, k in h.fit.placed)
+
+
+def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
+    """Evidence [nats] that forms as wrong as those of ``h`` may be leave for others to take."""
+    gain = max(h.evidence - nothing.evidence, 0.0)
+    if of_another_lens(h):
+        return MISFIT_LENS * gain
+    if any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
+        return MISFIT_LIKE_A_LENS * gain
+    wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
+    share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
+    return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
+
+
+def _wrong(term: Term) -> float:
+    """How wrong a form may be, relative to its effect; one that the case brings is the prediction's own."""
+    return min(term.mechanism.form_error, OF_CASE) if term.branch.of_case else term.mechanism.form_error
+
+
+def _blurs(terms: tuple[Term, ...] | list[Term]) -> bool:
+    """Whether a change is hardly more than a blur (`Branch.blurs`)."""
+    return any(t.branch.blurs for t in terms)
