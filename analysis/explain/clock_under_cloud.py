@@ -11,6 +11,7 @@ from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.shifts import likely_shifts
 from analysis.explain.wander import Wandering
 
 SHOWN_ITSELF = 8.0
@@ -41,14 +42,21 @@ def clock_under_cloud(fitter: Fitter, ways: tuple[Term, ...]) -> Hypothesis | No
 
 
 def _with_scatter(fitter: Fitter, way: Term, root_min: float) -> list[Hypothesis]:
-    """One way with a scatter of one size, earlier and later."""
+    """One way with a scatter of one size, earlier and later; a series also where its own ups and downs say it is.
+
+    There the scatter is what clouds did between two readings, and tells nothing of how far the series moved.
+    """
     unrest = Wandering(UNREST, root_min)
     extra = (unrest.extra(fitter.scene),)
     about = root_min**2
     usual, far = (max(x * about, min(y * about, most)) for x, y, most in (_AS_FAR, _FARTHEST))
-    p = replace(way.parameters[0], low=-far, high=far, sigma=usual, starts=(-usual, usual))
+    whole = way.parameters[0]
+    near = replace(whole, low=-far, high=far, sigma=usual, starts=(-usual, usual))
+    begun = [(near, start) for start in near.starts]
+    if way.branch.value == "series":
+        begun += [(whole, float(start)) for start in fitter.scene.remember(likely_shifts, whole.high)]
     made = []
-    for start in p.starts:
+    for p, start in begun:
         fit = fitter.fit((replace(way, parameters=(p,)),), np.array([start]), MIDDLE, extra)
         fitter.weigh([fit], extra)
         made.append(Hypothesis(fit, fit.log_evidence, (unrest,)))

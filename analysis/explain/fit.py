@@ -42,7 +42,7 @@ _STEPS = 12
 _SMALL = 1e-3  # of a standard deviation: a step below it ends the fit
 
 
-@dataclass
+@dataclass(eq=False)
 class Fit:
     """A fitted hypothesis.
 

@@ -7,7 +7,7 @@ from analysis.explain.thresholds import ALIKE
 from analysis.explain.wander import Wandering
 
 
-@dataclass
+@dataclass(eq=False)
 class Hypothesis:
     """Mechanisms together, with their evidence.
 

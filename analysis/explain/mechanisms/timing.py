@@ -11,6 +11,7 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 from analysis.explain.series import looks_one_way, predicted_noise, quiet, series_of, step_min
+from analysis.explain.shifts import likely_shifts
 from labdaq import directions
 
 _CLEAR_LOSS = 0.25
@@ -102,6 +103,7 @@ class ClockOffset(Mechanism):
         if 3.0 * step < _HOUR_MIN:
             starts = (-_HOUR_MIN, *starts, _HOUR_MIN)
         most = max(8.0 * step, 1.25 * _HOUR_MIN)
+        starts = (*starts, *(float(x) for x in scene.remember(likely_shifts, most)))
         return (Parameter("offset_min", "min", what, -most, most, max(2.0 * step, _USUAL_MIN), starts),)
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:

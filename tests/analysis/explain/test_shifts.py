@@ -1,0 +1,66 @@
+"""Clocks that are off by more than a cloud takes to pass."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.explain.answer import answer
+from analysis.explain.fit import MIDDLE, Fitter
+from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.base import terms_of
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mismatch import explain
+from analysis.explain.readings import Readings
+from analysis.explain.scene import Scene
+from analysis.explain.search import Search
+from analysis.explain.shifts import likely_shifts
+from tests.analysis.explain import test_roof_series as roof
+
+
+@pytest.fixture(autouse=True)
+def by_the_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forty readings a day, a minute apart."""
+    monkeypatch.setattr(sys.modules[roof.__name__], "STEP_S", 60)
+
+
+@pytest.mark.parametrize("late_s", [-310.0, 130.0, 400.0])
+def test_ups_and_downs_tell_a_shift(tmp_path: Path, late_s: float) -> None:
+    scene = Scene(Readings.of(roof.series(tmp_path / "case", late_s=late_s)))
+    first = likely_shifts(scene, 75.0)[0]
+    assert first == pytest.approx(late_s / 60.0, abs=0.4)
+
+
+def test_nothing_is_likelier_than_no_shift_where_there_is_none(tmp_path: Path) -> None:
+    scene = Scene(Readings.of(roof.series(tmp_path / "case")))
+    assert likely_shifts(scene, 75.0).size == 0
+
+
+def test_a_short_overlap_tells_nothing(tmp_path: Path) -> None:
+    """Of forty minutes only shifts of less than twenty leave half."""
+    scene = Scene(Readings.of(roof.series(tmp_path / "case", late_s=1800.0)))
+    assert np.all(np.abs(likely_shifts(scene, 75.0)) < 20.1)
+
+
+def test_a_clock_is_found_beyond_what_a_slope_shows(tmp_path: Path) -> None:
+    """Seven minutes, where each reading differs from the one before by a cloud: no scatter is left to tell it."""
+    search = Search(Fitter(Scene(Readings.of(roof.series(tmp_path / "case", late_s=430.0, per_root_min=0.8)))))
+    best = min(search.looks["clock-offset"], key=lambda fit: fit.objective)
+    assert best.theta[0] == pytest.approx(430.0 / 60.0, abs=0.3)
+
+
+def test_what_clouds_do_between_two_readings_does_not_hide_how_late_a_series_is(tmp_path: Path) -> None:
+    content = answer(explain(roof.series(tmp_path / "case", late_s=430.0, per_root_min=0.8)))
+    assert [m["id"] for m in content["mechanisms"]] == ["clock-offset"]
+    told = content["mechanisms"][0]["parameters"]["offset_min"]
+    assert abs(told["value"] - 430.0 / 60.0) < 2.0 * told["uncertainty"] < 2.5
+
+
+def test_two_fits_are_alike_only_if_they_are_one(tmp_path: Path) -> None:
+    """A clock stands in several ways among the singles: looking one up compares no arrays."""
+    fitter = Fitter(Scene(Readings.of(roof.series(tmp_path / "case"))))
+    (way, *_) = terms_of(BY_ID["clock-offset"], fitter.scene)
+    one, other = (Hypothesis(fitter.fit((way,), np.array([60.0]), MIDDLE), 0.0) for _ in range(2))
+    assert one in [one]
+    assert one not in [other]
