@@ -17,6 +17,7 @@ from analysis.explain.evidence import inside, laplace, precision_of
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
 from analysis.explain.lens_error import lens_error_effects
 from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.moment_error import moment_error
 from analysis.explain.noise import Nuisance
 from analysis.explain.parameter import Parameter
 from analysis.explain.pointing_error import pointing_errors, steepness
@@ -111,7 +112,8 @@ class Fitter:
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
         usual = np.concatenate([scene.remember(f) for f in (pointing_errors, arm_errors, errors_of_all_days)], axis=1)
-        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), scene.alone, usual)
+        alone = np.hypot(scene.remember(moment_error), 0.0 if scene.alone is None else scene.alone)
+        self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), alone, usual)
         self.lattice = lattice_of(scene.readings)
         self._seen = scene.readings.stretched(scene.readings.measured)
         self._factored: dict[tuple[float, float], Factored] = {}

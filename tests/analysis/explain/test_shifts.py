@@ -12,9 +12,11 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mismatch import explain
+from analysis.explain.moment_error import moment_error
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.series import unrest
 from analysis.explain.shifts import likely_shifts
 from tests.analysis.explain import test_roof_series as roof
 
@@ -64,3 +66,24 @@ def test_two_fits_are_alike_only_if_they_are_one(tmp_path: Path) -> None:
     one, other = (Hypothesis(fitter.fit((way,), np.array([60.0]), MIDDLE), 0.0) for _ in range(2))
     assert one in [one]
     assert one not in [other]
+
+
+def test_readings_count_for_less_where_a_cloud_passes_between_two_instruments(tmp_path: Path) -> None:
+    """Two seconds scatter by per cents there, which is nobody's fault."""
+    late = roof.series(tmp_path / "late", late_s=2.0, per_root_min=1.2)
+    assert answer(explain(late))["verdict"] == "no-mismatch"
+    scene = Scene(Readings.of(late))
+    restless = unrest(scene)
+    told = 1.0 / np.sqrt(Fitter(scene).whitener(MIDDLE).squares(np.eye(len(restless))))
+    wild, calm = (np.median(told[rows]) for rows in (restless > 0.2, restless < 0.05))
+    assert wild > 0.2 * np.sqrt(2.0 / 60.0) > 2.0 * calm
+
+
+def test_a_model_of_the_sky_is_no_instrument_that_reads_seconds_later(tmp_path: Path) -> None:
+    beside_a_meter, beside_a_model = (
+        Scene(Readings.of(roof.series(tmp_path / name, noise=noise)))
+        for name, noise in (("meter", 0.003), ("sky", 0.0))
+    )
+    assert not np.any(moment_error(beside_a_model))
+    restless = unrest(beside_a_meter)
+    assert moment_error(beside_a_meter) == pytest.approx(restless * np.sqrt(2.0 / 60.0), rel=0.2)
