@@ -9,10 +9,11 @@ local function of direction. Shares are those by which forms missed in a blind t
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.along import sphere
+from analysis.explain.along import in_broken_cloud, sphere
 from analysis.explain.fit import Extra, without
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.scene import Scene
+from analysis.explain.series import unrest
 
 SMOOTH_DEG = 40.0
 LOCAL_DEG = 12.0
@@ -34,12 +35,21 @@ def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Ex
             parts += [np.sqrt(0.5) * smooth * change * shape for shape in (scene.remember(sphere, SMOOTH_DEG), by_test)]
         if local > 0.0:
             parts.append(local * change * scene.remember(sphere, LOCAL_DEG))
-    return (Extra(np.concatenate(parts, axis=1)),) if parts else ()
+    unknown = _between_readings(scene, terms, theta)
+    clouds = (Extra(scene.remember(in_broken_cloud, 0.0), np.sqrt(unknown)),) if unknown > 0.0 else ()
+    return (*clouds, Extra(np.concatenate(parts, axis=1))) if parts else clouds
+
+
+def _between_readings(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> float:
+    """Time [min] for which these terms do not know what clouds did (`Mechanism.between_readings_min`)."""
+    ends = np.cumsum([len(t.parameters) for t in terms])
+    own = [theta[end - len(t.parameters) : end] for t, end in zip(terms, ends, strict=True)]
+    return sum(t.mechanism.between_readings_min(scene, p, t.branch) for t, p in zip(terms, own, strict=True))
 
 
 def locally_wrong(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
     """Standard deviation (N,) by which a single reading may miss what forms make of it, on the stretched scale."""
-    wrong = np.zeros(len(scene.readings))
+    wrong = np.asarray(scene.remember(unrest) * np.sqrt(_between_readings(scene, terms, theta)))
     for k, term in enumerate(terms):
         wrong = np.hypot(wrong, _shares(scene, term)[1] * _change(scene, terms, theta, k))
     return wrong

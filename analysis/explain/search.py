@@ -20,7 +20,7 @@ from analysis.explain.conclusion import temper
 from analysis.explain.evidence import inside
 from analysis.explain.families import UNREST
 from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, posterior_covariance, without
-from analysis.explain.form_error import form_error
+from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypers import STRIDES
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
@@ -150,7 +150,7 @@ class Search:
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
         """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
-        wrong = [f for f in ways if any(t.mechanism.local_error_in(self.scene, t.branch) for t in f.terms)]
+        wrong = [f for f in ways if np.any(locally_wrong(self.scene, f.terms, f.theta))]
         if not wrong or max(f.log_evidence for f in ways) < least:
             return ways
         best = max(wrong, key=lambda f: f.log_evidence)

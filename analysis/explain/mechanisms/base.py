@@ -135,6 +135,10 @@ class Mechanism:
         """The same from one direction to the next: only below a skylight are images so sharp that it matters."""
         return self.local_error if np.any(scene.is_gonio) else 0.0
 
+    def between_readings_min(self, scene: Scene, p: Floats, branch: Branch) -> float:
+        """Time [min] for which what clouds did is not known, where a series is read between two of its points."""
+        return 0.0
+
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Share of the effect's size that the form leaves open in this case; a parameter's uncertainty holds it."""
         return FORM_OF_SIZE

@@ -79,6 +79,14 @@ class ClockOffset(Mechanism):
         moved = np.any(scene.is_gonio) and not branch.of_case
         return IMAGES_OF_SIZE if moved else super().size_error_in(scene, branch)
 
+    def between_readings_min(self, scene: Scene, p: Floats, branch: Branch) -> float:
+        """A random walk whose ends are known is off by the variance of this time, whatever way it went between them."""
+        if branch.value != "series":
+            return 0.0
+        step = step_min(scene)
+        into = float(p[0]) / step % 1.0
+        return step * into * (1.0 - into)
+
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time."""
         ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)

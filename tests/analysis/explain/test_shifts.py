@@ -8,6 +8,7 @@ import pytest
 
 from analysis.explain.answer import answer
 from analysis.explain.fit import MIDDLE, Fitter
+from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
@@ -87,3 +88,23 @@ def test_a_model_of_the_sky_is_no_instrument_that_reads_seconds_later(tmp_path: 
     assert not np.any(moment_error(beside_a_model))
     restless = unrest(beside_a_meter)
     assert moment_error(beside_a_meter) == pytest.approx(restless * np.sqrt(2.0 / 60.0), rel=0.2)
+
+
+def test_what_clouds_did_between_two_readings_is_not_known(tmp_path: Path) -> None:
+    """Nothing is unknown at whole steps, and most halfway; of a bridge between known ends a quarter of a step."""
+    scene = Scene(Readings.of(roof.series(tmp_path / "case", per_root_min=0.8)))
+    (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if t.branch.value == "series"]
+    whole, halfway = (form_error(scene, (way,), np.array([minutes])) for minutes in (3.0, 3.5))
+    assert len(halfway) == len(whole) + 1
+    assert halfway[0].amplitude == pytest.approx(0.5)
+    assert locally_wrong(scene, (way,), np.array([3.5])) == pytest.approx(0.5 * unrest(scene))
+
+
+def test_nothing_stands_beside_a_clock_for_what_clouds_did_between_two_readings(tmp_path: Path) -> None:
+    case = roof.series(tmp_path / "case", late_s=-260.0, per_root_min=1.5)
+    fitter = Fitter(Scene(Readings.of(case)))
+    (clock, *_) = [h for h in Search(fitter).singles() if h.ids == ("clock-offset",) and not h.wanders]
+    plain = fitter.fit(clock.fit.terms, clock.fit.theta, MIDDLE)
+    fitter.weigh([plain])
+    assert clock.evidence > plain.log_evidence + 10.0
+    assert [m["id"] for m in answer(explain(case))["mechanisms"]] == ["clock-offset"]
