@@ -2,8 +2,9 @@
 
 A smooth factor on the sphere is not enough: a lens that blurs or bends a little otherwise than its model changes
 the sun's image where it is steep. These errors follow the sun, so they are written in its frame: a wider or
-narrower image, an image nearer to or farther from nadir, turned about it, and a brighter or darker sun part. Each
-system has its own, and each test a little more (the error depends on the angle of incidence).
+narrower image, an image nearer to or farther from nadir, turned about it, and a brighter or darker sun part; and all
+images farther from nadir, as of prisms that are a little steeper. Each system has its own, and each test a little more
+(the error depends on the angle of incidence).
 """
 
 import numpy as np
@@ -22,6 +23,7 @@ SIZES = {
     "broad": 0.05,
     "shift": 0.08,
     "turn": 0.08,
+    "outwards": 0.12,
     "gain": 0.007,
     "contrast": 0.03,
     "spin": 0.06,
@@ -91,7 +93,8 @@ def _shapes(scene: Scene) -> dict[str, Floats]:
 def _changes(scene: Scene) -> Floats:
     """The same in the order of `SIZES`, the last where images are known; shape (K, N)."""
     r, sun = scene.readings, scene.fields.sun
-    at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
+    gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
+    at = Sampler(r.test, gamma, c)
     here = at(sun)
     narrow, wide = blurred(sun, BLUR_DEG[0]), blurred(sun, BLUR_DEG[1])
     shapes = {"blur": at(narrow) - here, "broad": at(wide) - at(narrow), "gain": here}
@@ -100,9 +103,10 @@ def _changes(scene: Scene) -> Floats:
     azimuth = np.nan_to_num(r.azimuth_deg)
     for name, axis_azimuth in (("shift", azimuth + 90.0), ("turn", azimuth)):
         axis = directions.sky_vector(np.zeros(len(azimuth)), axis_azimuth)
-        moved = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], 1.0)
-        back = _rotated(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg), axis[r.test], -1.0)
+        moved, back = (_rotated(gamma, c, axis[r.test], way) for way in (1.0, -1.0))
         shapes[name] = (Sampler(r.test, *moved)(sun) - Sampler(r.test, *back)(sun)) / 2.0
+    outer, inner = np.minimum(gamma + 1.0, 90.0), np.abs(gamma - 1.0)
+    shapes["outwards"] = (Sampler(r.test, inner, c)(sun) - Sampler(r.test, outer, c)(sun)) / 2.0
     shapes["spin"] = (_turned(r, sun, 1.0) - _turned(r, sun, -1.0)) / 2.0
     if scene.knows_image:
         one = np.ones(len(sun))

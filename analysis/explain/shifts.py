@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.scene import Scene
-from analysis.explain.series import series_of, step_min
+from analysis.explain.series import series_of, step_min, unrest
 
 _PER_STEP = 3.0
 """Shifts tried per step of the series,"""
@@ -21,6 +21,10 @@ _BEST = 3
 """So many of the best shifts, apart from each other, are told,"""
 _BETTER = 0.7
 """if they leave so much less than no shift does, of what there is."""
+_A_PART, _BROKEN = 0.1, 0.02
+"""Such a part of the readings must lie under broken cloud (of so much `unrest`) for the clouds to tell anything."""
+_ALIKE = 0.3
+"""Where no more is left at the best shift, or at none, prediction and readings saw the same daylight go up and down."""
 
 
 def likely_shifts(scene: Scene, most_min: float) -> Floats:
@@ -35,6 +39,17 @@ def likely_shifts(scene: Scene, most_min: float) -> Floats:
     inner = (left[1:-1] < left[:-2]) & (left[1:-1] < left[2:]) & (left[1:-1] < _BETTER * left[count])
     at = 1 + np.flatnonzero(inner)
     return np.asarray(shifts[at[np.argsort(left[at])][:_BEST]])
+
+
+def saw_the_clouds(scene: Scene, most_min: float) -> bool:
+    """Whether the prediction's ups and downs are those of the readings, sooner or later; a model's clouds are not.
+
+    Where there are hardly any, it makes no difference.
+    """
+    if np.quantile(scene.remember(unrest), 1.0 - _A_PART) < _BROKEN:
+        return False
+    shifts = np.append(0.0, scene.remember(likely_shifts, most_min))
+    return bool(np.min(_left(scene, shifts)) < _ALIKE)
 
 
 def _left(scene: Scene, shifts: Floats) -> Floats:

@@ -11,7 +11,7 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
 from analysis.explain.scene import Light, Scene
 from analysis.explain.series import looks_one_way, predicted_noise, quiet, series_of, step_min
-from analysis.explain.shifts import likely_shifts
+from analysis.explain.shifts import likely_shifts, saw_the_clouds
 from labdaq import directions
 
 _CLEAR_LOSS = 0.25
@@ -88,11 +88,18 @@ class ClockOffset(Mechanism):
         return step * into * (1.0 - into)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """The sun at another time; where only roof meters were read, also everything predicted at another time."""
+        """The sun at another time; where only roof meters were read, also everything predicted at another time.
+
+        A second instrument saw the clouds that the first saw: of its series nothing but the whole can be late.
+        """
         ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)
         steady = all(looks_one_way(scene, int(k)) for k in np.unique(scene.readings.channel))
         series = scene.on_the_roof and steady and series_of(scene)
-        return (*ways, Branch("all daylight", "series")) if series else ways
+        if not series:
+            return ways
+        whole = Branch("all daylight", "series")
+        (shift,) = self.parameters_in(scene, whole)
+        return (whole,) if saw_the_clouds(scene, shift.high) else (*ways, whole)
 
     @staticmethod
     def _of_the_image(scene: Scene) -> tuple[Branch, ...]:

@@ -1,6 +1,7 @@
 """Clocks that are off by more than a cloud takes to pass."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.series import unrest
-from analysis.explain.shifts import likely_shifts
+from analysis.explain.shifts import likely_shifts, saw_the_clouds
 from tests.analysis.explain import test_roof_series as roof
 
 
@@ -108,3 +109,20 @@ def test_nothing_stands_beside_a_clock_for_what_clouds_did_between_two_readings(
     fitter.weigh([plain])
     assert clock.evidence > plain.log_evidence + 10.0
     assert [m["id"] for m in answer(explain(case))["mechanisms"]] == ["clock-offset"]
+
+
+@pytest.mark.parametrize(("per_root_min", "ways"), [(0.8, 1), (0.0, 2)])
+def test_whoever_saw_the_same_clouds_can_only_be_late_for_all_of_them(
+    tmp_path: Path, per_root_min: float, ways: int
+) -> None:
+    """The sun alone would be later under a clear sky, or beside a model whose clouds are none of these."""
+    scene = Scene(Readings.of(roof.series(tmp_path / "case", late_s=240.0, per_root_min=per_root_min)))
+    assert len(terms_of(BY_ID["clock-offset"], scene)) == ways
+    assert saw_the_clouds(scene, 75.0) == (ways == 1)
+
+
+def test_clouds_of_another_day_are_not_the_same(tmp_path: Path) -> None:
+    case = roof.series(tmp_path / "case", per_root_min=0.8)
+    other = replace(case.records, measured=case.records.measured.reshape(3, -1)[[1, 2, 0]].ravel())
+    scene = Scene(Readings.of(replace(case, records=other)))
+    assert not saw_the_clouds(scene, 15.0)
