@@ -80,7 +80,10 @@ class ClockOffset(Mechanism):
         return IMAGES_OF_SIZE if moved else super().size_error_in(scene, branch)
 
     def between_readings_min(self, scene: Scene, p: Floats, branch: Branch) -> float:
-        """A random walk whose ends are known is off by the variance of this time, whatever way it went between them."""
+        """A random walk whose ends are known is off by the variance of this time, whatever way it went between them.
+
+        A Brownian bridge (Karatzas and Shreve 1991, Brownian Motion and Stochastic Calculus, sec. 5.6).
+        """
         if branch.value != "series":
             return 0.0
         step = step_min(scene)
