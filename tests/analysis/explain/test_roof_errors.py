@@ -64,16 +64,20 @@ def left_of(error: Floats, effects: Floats) -> float:
 
 @pytest.mark.parametrize(
     "wrong",
-    [lambda height, level: 0.02 * np.exp(-(((height - 25) / 14) ** 2)), lambda height, level: 0.02 * level**2],
-    ids=["the sun's height", "the level"],
+    [
+        lambda height, level, azimuth: 0.02 * np.exp(-(((height - 25) / 14) ** 2)),
+        lambda height, level, azimuth: 0.02 * level**2,
+        lambda height, level, azimuth: 0.015 * np.sin(2.0 * np.radians(azimuth)),
+    ],
+    ids=["the sun's height", "the level", "the sun's azimuth"],
 )
 def test_what_is_wrong_alike_on_all_days_is_allowed_for(
-    wrong: Callable[[Floats, Floats], Floats], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wrong: Callable[[Floats, Floats, Floats], Floats], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=1e-6)))
     monkeypatch.setattr(air_error, "recorded", lambda scene: False)
     r = scene.readings
-    error = wrong(r.sun_altitude_at_deg, r.simulated / r.simulated.max())
+    error = wrong(r.sun_altitude_at_deg, r.simulated / r.simulated.max(), r.sun_azimuth_at_deg)
     alike, by_day = errors_of_all_days(scene), air_error_effects(scene)
     with_them = left_of(error, np.concatenate([alike, by_day], axis=1))
     monkeypatch.setattr(air_error, "_AS_THE_DAYS", 0.0)
@@ -93,6 +97,11 @@ def test_a_second_instrument_is_no_model_of_the_sky(tmp_path: Path) -> None:
     first = r.utc_ns < r.utc_ns[0] + 43_200 * 10**9
     low = np.where(first, 0.03 * air_mass(r.sun_altitude_at_deg) * r.sun / r.simulated, 0.0)
     assert left_of(low, air_error_effects(model)) < 0.4 * left_of(low, air_error_effects(scene))
+
+
+def test_azimuths_are_told_from_their_middle_across_north_too() -> None:
+    seen = air_error._from_noon(np.array([350.0, 10.0, 30.0]))
+    assert np.degrees(seen) == pytest.approx([-20.0, 0.0, 20.0], abs=0.2)
 
 
 def test_what_is_wrong_alike_on_all_days_is_no_gain(roof: Scene) -> None:
