@@ -41,7 +41,7 @@ def answer(e: Explanation) -> dict[str, Any]:
         "either": either(e),
         "alternatives": [{"ids": list(ids), "probability": _round(p)} for ids, p in found.not_claimed],
         "indistinguishable": [list(pair) for pair in found.indistinguishable],
-        "ruled_out": [{"id": k, "because": v} for k, v in found.contradicted.items()],
+        "ruled_out": [{"id": k, "because": v} for k, v in found.ruled_out.items()],
         "not_tried": [{"id": k, "because": v} for k, v in e.not_tried.items()],
         "leftover": [] if agrees else [_place(m) for m in e.leftover],
         "unnamed": [_unnamed(u) for u in found.unnamed_told],

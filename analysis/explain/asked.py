@@ -12,6 +12,7 @@ from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, Term
+from analysis.explain.mechanisms.sensors import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     HOLDS_LAWS,
@@ -32,6 +33,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
     NAME_SECOND_LENS,
+    NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
 )
 
@@ -73,7 +75,9 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return NAME_SECOND_RANDOM + left
     if any(t.mechanism.like_a_lens and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS + left
-    return left + (NAME_SECOND if found.one_instrument else NAME_SECOND_BELOW)
+    if found.one_instrument:
+        return left + NAME_SECOND
+    return left + (NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW)
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

@@ -131,6 +131,11 @@ class Conclusion:
         return {name: alike for name, alike in found.items() if alike}
 
     @property
+    def ruled_out(self) -> dict[str, str]:
+        """What repeated readings speak against, beside all that is named: what they show alone may be named itself."""
+        return {name: why for name, why in self.contradicted.items() if name not in self.best.ids}
+
+    @property
     def imitation(self) -> float:
         """How many times a name's gain a smooth function must gain to speak against it."""
         return IMITATION_LENS if of_another_lens(self.best) else IMITATION

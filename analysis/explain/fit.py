@@ -15,7 +15,7 @@ from analysis.explain.air_error import air_error_effects, errors_of_all_days
 from analysis.explain.arm_error import arm_errors, sensor_angle_errors
 from analysis.explain.evidence import inside, laplace, precision_of
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
-from analysis.explain.lens_error import lens_error_effects
+from analysis.explain.lens_error import haze_errors, lens_error_effects
 from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.moment_error import moment_error
 from analysis.explain.noise import Nuisance
@@ -111,7 +111,7 @@ class Fitter:
         effects = np.concatenate(
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
-        hung = pointing_errors, arm_errors, sensor_angle_errors, errors_of_all_days
+        hung = pointing_errors, arm_errors, sensor_angle_errors, haze_errors, errors_of_all_days
         usual = np.concatenate([scene.remember(f) for f in hung], axis=1)
         alone = np.hypot(scene.remember(moment_error), 0.0 if scene.alone is None else scene.alone)
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), alone, usual)

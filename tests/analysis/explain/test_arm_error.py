@@ -10,7 +10,7 @@ from analysis.cases import Case
 from analysis.explain import arm_error
 from analysis.explain.arm_error import SENSOR_DEG, USUAL_M, arm_errors, sensor_angle_errors
 from analysis.explain.fit import Fitter
-from analysis.explain.lens_error import lens_error_of_systems
+from analysis.explain.lens_error import HAZE, haze_errors, lens_error_of_systems
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.misaligned_arm import OffCentre
 from analysis.explain.readings import Readings
@@ -18,6 +18,7 @@ from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.thresholds import NAME_FIRST_BELOW, UNNAMED_ALONE
 from tests.analysis.explain.campaign import DISTANCE_M, TESTS, Floats, Rows, Truth, light, make_case, rows_of
+from tests.analysis.explain.test_mechanisms import acted
 
 
 def _hung(east_m: float, north_m: float, below_m: float) -> Truth:
@@ -124,3 +125,19 @@ def test_a_lens_whose_prisms_are_steeper_moves_all_images_outwards(arm: Scene) -
     outwards = np.sum(each, axis=0)
     far = (rows.gamma_deg > 20.0) & (rows.gamma_deg < 80.0)
     assert np.corrcoef(outwards[far], (moved * r.sun / r.simulated)[far])[0, 1] > 0.95
+
+
+def test_a_lens_that_is_a_little_dull_scatters_light_widely(arm: Scene) -> None:
+    """As a haze of its exit does, below every system by itself."""
+    r = arm.readings
+    wanted = (acted(arm, "lens-haze", "exit lens", 0.01) - r.simulated) / np.hypot(r.simulated, r.floor)
+    effects = haze_errors(arm)
+    assert np.all(np.sum(effects != 0.0, axis=1) <= 1)
+    for effect in effects.T:
+        rows = (effect != 0.0) & (np.abs(r.measured) > 0.9 * r.scale)
+        assert np.corrcoef(effect[rows], wanted[rows])[0, 1] > 0.99
+        assert np.std(effect[effect != 0.0]) == pytest.approx(HAZE, rel=0.2)
+
+
+def test_a_roof_has_no_lens_that_is_dull(roof: Scene) -> None:
+    assert haze_errors(roof).shape == (len(roof.readings), 0)

@@ -37,6 +37,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
     NAME_SECOND_LENS,
+    NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     OF_CASE_ODDS,
     RELIABLE,
@@ -536,6 +537,17 @@ def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brin
             asked.beside(both, first, found, "lens-orientation", random=False) - asked.misfit(first, found.nothing)
         )
     assert least == [NAME_SECOND_LENS, NAME_SECOND_BELOW]
+
+
+def test_a_single_sensor_beside_another_name_is_asked_less(arm: Scene) -> None:
+    """What a lens has wrong does not end beside a sensor."""
+    first, asked_for = _hypothesis(arm, 100.0, "c-offset"), []
+    for new in ("channel-gain", "cosine-response"):
+        both = _hypothesis(arm, 120.0, "c-offset", new)
+        found = Conclusion(first, _hypothesis(arm, 0.0), [first])
+        asked_for.append(asked.beside(both, first, found, new, random=False) - asked.misfit(first, found.nothing))
+    assert asked_for == [NAME_SECOND_ONE, NAME_SECOND_BELOW]
+    assert NAME_SECOND_ONE < NAME_SECOND_BELOW
 
 
 def test_errors_of_the_exposures_hold_what_laws_of_the_level_leave(picture: Scene) -> None:
