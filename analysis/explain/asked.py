@@ -12,7 +12,7 @@ from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, Term
-from analysis.explain.mechanisms.sensors import ChannelGain
+from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     HOLDS_LAWS,
