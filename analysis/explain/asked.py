@@ -46,15 +46,15 @@ _FEW_NUMBERS: Final = 2
 
 
 def first(h: Hypothesis, found: Conclusion, few: float) -> float:
-    """What a first mechanism must gain over "nothing", with so much of a random effect's bound (`share_of_few`)."""
+    """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`)."""
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
     if _blurs(h.fit.terms):
         return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
     if h.wanders:
-        usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else NAME_FIRST_RANDOM
-        return NAME_FIRST if h.ids[-1] in found.shown else few * usual
+        usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else few * NAME_FIRST_RANDOM
+        return NAME_FIRST if h.ids[-1] in found.shown else usual
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
@@ -77,6 +77,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return NAME_SECOND_LENS + left
     if found.one_instrument:
         return left + NAME_SECOND
+    if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
+        return NAME_SECOND_LENS + left
     return left + (NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW)
 
 

@@ -26,7 +26,7 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
-from analysis.explain.thresholds import TEMPER_ONE
+from analysis.explain.thresholds import STANDS_IN, TEMPER_ONE
 from analysis.explain.wander import Wander, likeliest
 
 X = TypeVar("X")
@@ -108,6 +108,8 @@ class Search:
         least = nothing + max(_A_SHARE * (best - nothing), 0.0)
         allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values(), size=len)
         fits = dict(zip(fits, allowed, strict=True))
+        for f in (f for ways in fits.values() for f in ways if f.terms[0].branch.stands_in):
+            f.log_evidence -= STANDS_IN * max(f.log_evidence - nothing, 0.0)
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.on_the_roof:
             shown = any(h.ids == (UNREST.name,) and h.evidence >= nothing + SHOWN_ITSELF for h in found)

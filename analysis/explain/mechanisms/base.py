@@ -60,6 +60,8 @@ class Branch:
         Whether the case brings the change itself, in another form than a path of settings.
     blurs
         Whether the change is hardly more than a blur, as that of a lens simulated a little wrong.
+    stands_in
+        Whether it lets light go on as the sky's does, which stands for whatever else spreads the sun's light.
     """
 
     label: str = ""
@@ -67,6 +69,7 @@ class Branch:
     facts: dict[str, float] = field(default_factory=dict)
     brought: bool = False
     blurs: bool = False
+    stands_in: bool = False
 
     @property
     def of_case(self) -> bool:

@@ -55,7 +55,8 @@ class Soiling(Retraced):
         )
         if not scene.knows_split:
             return ways
-        return (*ways, *(Branch(f"{label}, scattering", (k, "scattering")) for label, k in some.items()))
+        scattering = (Branch(f"{name}, scattering", (k, "scattering"), stands_in=True) for name, k in some.items())
+        return (*ways, *scattering)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Closed forms have the loss itself."""

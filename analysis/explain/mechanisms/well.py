@@ -71,7 +71,7 @@ class WallScatter(Retraced):
         ways = super().branches(scene)
         traced = [b.value for b in ways if b.value.parameter.name == self.parameters[0].name and not b.value.of_case]
         halves = (_halfway_to_sky(scene, path) for path in traced) if scene.knows_split else ()
-        return (*ways, *(Branch(path.label, path) for path in halves))
+        return (*ways, *(Branch(path.label, path, stands_in=True) for path in halves))
 
 
 def _halfway_to_sky(scene: Scene, path: Path) -> Path:
