@@ -51,7 +51,7 @@ def test_it_knows_nothing_from_test_to_test(arm: Scene, monkeypatch: pytest.Monk
 def test_readings_of_nadir_that_wander_as_daylight_does_show_no_cloud(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a sky that wanders by 1 % they say nothing, and did while a steady one was supposed; of 5 % what is so."""
+    """Of a sky that wanders by 1.2 % they say nothing, and did while a steady one was supposed; of 5 % what is so."""
 
     def gain(folder: Path, sd: float) -> float:
         scene = Scene(Readings.of(make_case(folder, effects.clouds(sd, 45.0), tests=TESTS[::2])))
@@ -59,10 +59,10 @@ def test_readings_of_nadir_that_wander_as_daylight_does_show_no_cloud(
         fit = fitter.fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
         return repeats(scene, fit, Wandering(CLOUD, sd, 45.0)).gain
 
-    calm = gain(tmp_path / "calm", 0.01)
+    calm = gain(tmp_path / "calm", 0.012)
     assert calm < SHOWN < gain(tmp_path / "cloud", 0.05)
     monkeypatch.setattr(noise, "SOURCE", 1e-6)
-    assert gain(tmp_path / "steady", 0.01) > SHOWN > calm
+    assert gain(tmp_path / "steady", 0.012) > SHOWN > calm
 
 
 def test_what_is_named_is_not_said_to_be_ruled_out(arm: Scene) -> None:
