@@ -96,7 +96,7 @@ class Block:
     @cached_property
     def wandering(self) -> Floats:
         """Relative covariance of readings under a source that wanders (`source_wander`); shape (n, n)."""
-        return source_wander(self.readings, self.rows) * self.same_test
+        return source_wander(self.readings, self.rows)
 
     @cached_property
     def levels(self) -> Floats:
@@ -106,7 +106,7 @@ class Block:
 
 
 def source_wander(r: Readings, rows: NDArray[np.int64]) -> Floats:
-    """Relative covariance (n, n) of daylight at the moments of some rows of a test; zero without times."""
+    """Relative covariance (n, n) of daylight at the moments of some rows; zero without times."""
     if not r.has_times:
         return np.zeros((len(rows), len(rows)))
     t = r.utc_ns[rows] / 1e9
