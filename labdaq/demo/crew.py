@@ -10,6 +10,7 @@ from typing import Any, Final, Self
 
 from labdaq.demo.tests import Task, take_and_process
 from labdaq.errors import SimulationError
+from labdaq.processes import end_with_parent
 
 PROCESSES: Final = 2
 
@@ -18,7 +19,8 @@ class Crew:
     """A pool of processes, each with an interpreter of its own: what is compiled for threads must not be forked."""
 
     def __init__(self, processes: int = PROCESSES) -> None:
-        self._pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(processes, context, initializer=end_with_parent)
         self._work: dict[Future[Any], str] = {}
 
     def __enter__(self) -> Self:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from labdaq.build import mount
 from labdaq.demo.tests import order_of, station_at
 from labdaq.errors import SimulationError
+from labdaq.processes import end_with_parent
 from labdaq.runs import run
 from simulators.world.campaign import PlannedTest
 from simulators.world.greenwood import greenwood_tests
@@ -64,7 +65,7 @@ def _taken(planned: Sequence[PlannedTest], sessions: Path, processes: int, say: 
     """Tests in processes of their own: what is compiled for threads must not be forked."""
     paths = []
     try:
-        with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), end_with_parent) as pool:
             jobs = [pool.submit(take, test, sessions) for test in planned]
             for test, job in zip(planned, jobs, strict=True):
                 paths.append(job.result())

@@ -9,6 +9,7 @@ from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from typing import TypeVar
 
+from labdaq.processes import end_with_parent
 from simulators.trial import truth as truths
 from simulators.trial.files import write_text
 from simulators.trial.generate import make, write_case
@@ -103,6 +104,7 @@ def _take(shares: "SimpleQueue[set[int]]") -> None:
     """Keep this worker, and the programs it runs, to cores of their own: threads that take turns empty each other's
     caches (two answers at once on two cores took 85 s free, and 60 s so).
     """
+    end_with_parent()
     os.sched_setaffinity(0, shares.get())
 
 
