@@ -15,6 +15,7 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, pre
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.ratios import ratio
 from analysis.explain.retrace import Path
+from analysis.explain.roomlight import inside
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
 from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top
@@ -178,7 +179,10 @@ class _Radiosity(Mechanism):
     source = "radiosity (analysis.simulate.room)"
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Add what the room sends to sensors all over the hemisphere, interpolated to the fields' grid."""
+        """Add what the room sends to sensors all over the hemisphere, interpolated to the fields' grid.
+
+        Beyond the walls there are none: there the last ring before them counts.
+        """
         setup = scene.readings.case.setup
         assert setup.room is not None
         assert setup.goniometer is not None
@@ -188,11 +192,13 @@ class _Radiosity(Mechanism):
         sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
         field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
         added = np.zeros_like(field)
+        rings = inside(_ROOM_GAMMA, (width, depth, height), arm.distance_m)
+        beyond = len(_ROOM_GAMMA) - len(rings)
         for k in np.unique(scene.readings.test[scene.is_gonio]):
             closed = np.append(C_DEG, 360.0)
             far = Distribution(GAMMA_DEG, closed, np.concatenate([field[k], field[k, :1]]))
-            coarse = room.added(far, _ROOM_GAMMA[None, :], _ROOM_C[:, None], arm.distance_m)
-            coarse = np.concatenate([coarse, coarse[:1]])
+            coarse = room.added(far, rings[None, :], _ROOM_C[:, None], arm.distance_m)
+            coarse = np.pad(np.concatenate([coarse, coarse[:1]]), ((0, 0), (0, beyond)), mode="edge")
             added[k] = Distribution(_ROOM_GAMMA, np.append(_ROOM_C, 360.0), coarse).at(
                 GAMMA_DEG[None, :], C_DEG[:, None]
             )

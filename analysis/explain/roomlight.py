@@ -49,14 +49,18 @@ def fits(size_m: tuple[float, float, float], distance_m: float) -> bool:
     return distance_m < size_m[2]
 
 
+def inside(rings_deg: Floats, size_m: tuple[float, float, float], distance_m: float) -> Floats:
+    """The rings of gamma [deg] on which an arm's sensors are between the walls in every plane."""
+    return rings_deg[distance_m * np.sin(np.radians(rings_deg)) < 0.5 * min(size_m[:2])]
+
+
 def room_light(size_m: tuple[float, float, float], distance_m: float, half_angle_deg: float) -> RoomLight:
     """The maps of a room for sensors on the arm.
 
     Sensors face the aperture's centre and take light within ``half_angle_deg`` [deg], cosine-weighted. Beyond the walls
     there are none: there the last ring before them counts.
     """
-    rings = _RINGS[distance_m * np.sin(np.radians(_RINGS)) < 0.5 * min(size_m[:2])]
-    sensors = tuple((float(g), float(c)) for c in _PLANES for g in rings)
+    sensors = tuple((float(g), float(c)) for c in _PLANES for g in inside(_RINGS, size_m, distance_m))
     seen = gathered(size_m, sensors, distance_m, half_angle_deg, 0.0) * distance_m**2
     return RoomLight(size_m, _lit(patches_of(size_m)), sparse.csr_matrix(seen))
 

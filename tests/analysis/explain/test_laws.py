@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from analysis.explain.again import simulated_again
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import apply_operator, blurred
 from analysis.explain.mechanisms.base import Mechanism, Stage, predict, terms_of
@@ -20,10 +21,11 @@ from analysis.explain.mechanisms.goniometer import _near_matrix
 from analysis.explain.readings import Readings
 from analysis.explain.roomlight import RoomLight, fits, room_light
 from analysis.explain.scene import Scene
+from analysis.explain.variants import retraced_of
 from analysis.simulate.room import Room, patches_of
 from labdaq import directions
 from labdaq.cli import cli
-from tests.analysis.explain.campaign import DISTANCE_M, ROOM_M, Floats, make_case
+from tests.analysis.explain.campaign import DISTANCE_M, NONE, ROOM_M, Floats, make_case
 from tests.analysis.explain.test_mechanisms import term
 
 CONTRACT = {
@@ -351,6 +353,20 @@ def test_an_arm_that_reaches_beyond_the_walls_is_lit_by_what_is_before_them(
         added = room_light(size_m, DISTANCE_M, 60.0).added(lambert, 0.2, 0.1)
         assert np.all(np.isfinite(added))
         assert added[:, :, -1] == pytest.approx(added[:, :, -2])
+
+
+def test_in_a_room_that_an_arm_reaches_out_of_the_loop_is_closed_all_the_same(tmp_path: Path) -> None:
+    """The light is simulated again before the walls, as it was fitted."""
+    change = {"simulation": {"field": "far"}, "room": {"size_m": (4.0, 7.0, 5.0)}}
+    case = make_case(tmp_path / "case", flaws=NONE, change=change)
+    scene = Scene(Readings.of(case), retraced_of(case))
+    told, theta = term(scene, "room-interreflection", ""), np.array([0.2, 0.1])
+    again = simulated_again(scene, (told,), theta)
+    assert again is not None
+    assert again.ids == ("room-interreflection",)
+    fitted = predict(scene, (told,), theta)
+    assert np.max(fitted / scene.readings.simulated) > 1.02
+    assert again.predicted == pytest.approx(fitted, rel=0.02)
 
 
 def test_shields_only_take_away(arm: Scene, dark_room: RoomLight, open_sensors: RoomLight) -> None:
