@@ -12,6 +12,7 @@ from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, Term
+from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
@@ -35,6 +36,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    TILTED_OR_LATE,
 )
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
@@ -58,6 +60,16 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
+
+
+def likeliest(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
+    """The first of these; but a tilted meter in place of a clock that is hardly ahead of it (`TILTED_OR_LATE`)."""
+    tilted = next((h for h in named if h.ids == (MeterTilt.id,)), None)
+    if not found.one_instrument or tilted is None or named[0].ids != (UNREST.name,):
+        return named[0]
+    late = named[0].evidence
+    nats = found.temper(late - found.nothing.evidence)
+    return tilted if late - tilted.evidence < TILTED_OR_LATE * nats else named[0]
 
 
 def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:

@@ -48,7 +48,7 @@ def conclude(search: Search) -> Conclusion:
     else:
         named = [h for h in named if not asked.is_a_moment(h)]
     if named:
-        found.best = named[0]
+        found.best = asked.likeliest(named, found)
         _grow(search, found)
     _look_for_unnamed(search, found)
     decide(found, few)

@@ -108,14 +108,20 @@ class Search:
         least = nothing + max(_A_SHARE * (best - nothing), 0.0)
         allowed = self._abreast(lambda ways: self._allowing_for_forms(ways, least), fits.values(), size=len)
         fits = dict(zip(fits, allowed, strict=True))
-        for f in (f for ways in fits.values() for f in ways if f.terms[0].branch.stands_in):
-            f.log_evidence -= STANDS_IN * max(f.log_evidence - nothing, 0.0)
+        for ways in fits.values():
+            self._less_what_stands_in(ways, nothing)
         found = [self._joined(ways, len(self._terms[m])) for m, ways in fits.items() if ways]
         if self.scene.on_the_roof:
             shown = any(h.ids == (UNREST.name,) and h.evidence >= nothing + SHOWN_ITSELF for h in found)
             clock = clock_under_cloud(self.fitter, self._terms[UNREST.name]) if shown else None
             found += [] if clock is None else [clock]
         return sorted(found, key=lambda h: -h.evidence)
+
+    @staticmethod
+    def _less_what_stands_in(fits: list[Fit], without_it: float) -> None:
+        """Take off what counts for nothing of the last mechanism's gain over evidence ``without_it``."""
+        for f in (f for f in fits if f.terms[-1].branch.stands_in):
+            f.log_evidence -= STANDS_IN * max(f.log_evidence - without_it, 0.0)
 
     def _fit_ways(self, terms: tuple[Term, ...]) -> list[Fit]:
         """Fit a mechanism's most promising ways, and the best of those that the case brings."""
@@ -219,6 +225,8 @@ class Search:
         if not fits:
             return None
         self.fitter.weigh(fits, extra, first.fit.hyper)
+        if any(f.terms[-1].branch.stands_in for f in fits):
+            self._less_what_stands_in(fits, self.reweighed(first, extra))
         return replace(self._joined(fits, len(terms)), wanders=first.wanders)
 
     def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:

@@ -5,8 +5,10 @@ from scipy.special import expit
 
 from analysis.explain import asked
 from analysis.explain.conclusion import Conclusion, doubles, flattens, of_optics, temper, traced
+from analysis.explain.families import UNREST
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AHEAD,
@@ -41,6 +43,7 @@ from analysis.explain.thresholds import (
     SURE_ALONE,
     TEMPER,
     TEMPER_RANDOM,
+    TILTED_OR_LATE,
     UNNAMED,
     UNNAMED_ALONE,
     UNNAMED_ALONE_ONE,
@@ -193,7 +196,7 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
-    likelier = {key: _ends(found, key) + _brought(found, key) for key in rivals}
+    likelier = {key: _ends(found, key) + _brought(found, key) + _tilted(found, key) for key in rivals}
     return {key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier[key] for key, odds in rivals.items()}
 
 
@@ -216,6 +219,14 @@ def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:
     if bent is None or not flattens(bent) or len(rival) > 1 or not names & _ENDS or Nonlinearity.id not in names:
         return 0.0
     return FLATTENS if found.best.first in _ENDS else -FLATTENS
+
+
+def _tilted(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival, where one is a tilted meter and the other a clock."""
+    names = found.best.first, rival[0]
+    if not found.one_instrument or set(names) != {MeterTilt.id, UNREST.name} or len(rival) > 1:
+        return 0.0
+    return TILTED_OR_LATE if names[0] == MeterTilt.id else -TILTED_OR_LATE
 
 
 def _takes_the_rest(found: Conclusion) -> bool:

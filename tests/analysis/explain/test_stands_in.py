@@ -23,14 +23,16 @@ def test_dirt_that_scatters_stands_in(arm: Scene) -> None:
 
 
 def test_a_share_of_what_it_gains_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of dirt that scatters two thirds of its evidence are left, and none is added where it gains nothing."""
+    """Of dirt that scatters two thirds of its evidence are left, as a first name and beside others."""
     scene = Scene(Readings.of(make_case(tmp_path, effects.scattering_dirt(0.2, 0.5), tests=TESTS[::2])))
     search = Search(Fitter(scene), mechanisms=[BY_ID["soiling"]], conjectures=())
     (term,) = (t for t in search._terms["soiling"] if t.branch.label == "every system, scattering")
     search._terms = {"soiling": (term,)}
-    nothing = search.nothing().evidence
-    (less,) = search.singles()
+    nothing = search.nothing()
+    (less,), (less_beside,) = search.singles(), search.beside(nothing, ())
     monkeypatch.setattr(searches, "STANDS_IN", 0.0)
-    (whole,) = search.singles()
-    assert whole.evidence - nothing > 20.0
-    assert less.evidence - nothing == pytest.approx((1.0 - STANDS_IN) * (whole.evidence - nothing), rel=1e-6)
+    (whole,), (whole_beside,) = search.singles(), search.beside(nothing, ())
+    for some, all_ in ((less, whole), (less_beside, whole_beside)):
+        assert all_.evidence - nothing.evidence > 20.0
+        left = (1.0 - STANDS_IN) * (all_.evidence - nothing.evidence)
+        assert some.evidence - nothing.evidence == pytest.approx(left, rel=1e-6)
