@@ -7,10 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from analysis.cases.model import Floats
 from analysis.explain.conclusion import Conclusion, of_another_lens
 from analysis.explain.families import CLOUD, UNREST
+from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.base import Stage, Term
 from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
@@ -36,7 +39,9 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NARROW_DEG,
     TILTED_OR_LATE,
+    WRONG_LENS,
 )
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
@@ -48,9 +53,17 @@ _FEW_NUMBERS: Final = 2
 
 
 def first(h: Hypothesis, found: Conclusion, few: float) -> float:
-    """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`)."""
+    """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
+
+    Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`).
+    """
+    wrong = 1.0 if found.one_instrument else max(h.fit.hyper.lens / WRONG_LENS, 1.0)
+    return wrong * _first(h, found, few)
+
+
+def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
-    if _blurs(h.fit.terms):
+    if _blurs(h.fit):
         return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
@@ -77,7 +90,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     added = [t for t in best.fit.terms if t.mechanism.id == new]
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
-    if _blurs(added):
+    if _blurs(best.fit, new):
         return NAME_FIRST_FAR + left
     if random and found.pictures:
         return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
@@ -97,7 +110,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:
     """How many nats more than others a single is asked for: by so much less it speaks against another name."""
     cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
-    return first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or _blurs(h.fit.terms) else 0.0
+    return _first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or _blurs(h.fit) else 0.0
 
 
 def share_of_few(search: Search) -> float:
@@ -127,6 +140,13 @@ def _wrong(term: Term) -> float:
     return min(term.mechanism.form_error, OF_CASE) if term.branch.of_case else term.mechanism.form_error
 
 
-def _blurs(terms: tuple[Term, ...] | list[Term]) -> bool:
-    """Whether a change is hardly more than a blur (`Branch.blurs`)."""
-    return any(t.branch.blurs for t in terms)
+def _blurs(fit: Fit, only: str = "") -> bool:
+    """Whether a change (of one mechanism ``only``) is hardly more than a blur (`Branch.blurs`, `NARROW_DEG`)."""
+    terms = [(t, fit.theta[k : k + len(t.parameters)]) for t, k in fit.placed if only in {"", t.mechanism.id}]
+    return any(t.branch.blurs or _narrow(t, p) for t, p in terms)
+
+
+def _narrow(term: Term, p: Floats) -> bool:
+    """Whether an aureole spreads the sun's light by no more than any lens may, unless the case brings it."""
+    told = term.mechanism.id == CircumsolarAureole.id and len(p) == len(CircumsolarAureole.parameters)
+    return told and not term.branch.of_case and float(p[0] * p[1] ** 2) < NARROW_DEG**2

@@ -46,6 +46,13 @@ authors' clouds without such readings the least gained 47; 34 and 21 where nothi
 NAME_FIRST_FAR = 60.0
 """A near field beyond six apertures must gain this unless the case brings it: it is hardly more than a blur
 there, as that of a lens simulated a little wrong. (On another author's skylights, false, it gained 25, 38 and 55.)"""
+NARROW_DEG = 1.8
+"""The same of an aureole that spreads the sun's light by less than this (rms): a lens simulated a little wrong does so,
+by 1.2° as usual. (One of our own, false, of 1.4° gained 30.)"""
+WRONG_LENS = 1.5
+"""Below a skylight a first name is asked for more, in proportion, where the simulation's lens is wrong by more than
+this beside it (`Hyper.lens`). (A bent response gained 24 on another author's skylight where it was 2.5 and nothing
+was left out.)"""
 SHOWN = 6.0
 """Log odds [nats] of repeated readings that show a random effect by themselves. (Of three other authors' and our own
 true clouds they told 9 and more, or nothing; 5 where another's sky was only a little restless.)"""

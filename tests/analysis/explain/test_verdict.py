@@ -34,11 +34,13 @@ from analysis.explain.thresholds import (
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
     NAME_FIRST_FREE,
+    NAME_FIRST_LENS,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NARROW_DEG,
     OF_CASE_ODDS,
     RELIABLE,
     SURE,
@@ -47,6 +49,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
     TILTED_OR_LATE,
+    WRONG_LENS,
 )
 from analysis.explain.verdict import decide, name_the_sure, share_of, share_with_doubles, stand_out
 from analysis.explain.wander import Wandering
@@ -108,6 +111,34 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: f
     h, nothing = Hypothesis(Fit((term,), no, no, no), 30.0), Hypothesis(Fit((), no, no, no), 0.0)
     assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == needed
     assert asked.first(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
+
+
+@pytest.mark.parametrize(("lens", "times"), [(0.5, 1.0), (WRONG_LENS, 1.0), (2.0 * WRONG_LENS, 2.0)])
+def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene, lens: float, times: float) -> None:
+    h, nothing = _hypothesis(arm, 30.0, "dark-offset"), _hypothesis(arm, 0.0)
+    h.fit.hyper = Hyper(1.0, 1.0, lens)
+    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(times * NAME_FIRST_BELOW)
+    alone = Conclusion(nothing, nothing, [], one_instrument=True)
+    assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
+
+
+@pytest.mark.parametrize(
+    ("fraction", "width_deg", "narrow"), [(0.2, 3.0, True), (0.2, 6.0, False), (0.6, 2.2, True), (0.6, 4.0, False)]
+)
+def test_an_aureole_that_any_lens_may_make_must_gain_more(
+    arm: Scene, fraction: float, width_deg: float, narrow: bool
+) -> None:
+    """What counts is how far it spreads the sun's light, both together; the case's own aureole is one."""
+    h, nothing = _hypothesis(arm, 50.0, "circumsolar-aureole"), _hypothesis(arm, 0.0)
+    h.fit.theta = np.array([fraction, width_deg])
+    found = Conclusion(nothing, nothing, [])
+    assert (fraction**0.5 * width_deg < NARROW_DEG) == narrow
+    assert asked.first(h, found, 1.0) == (NAME_FIRST_FAR if narrow else NAME_FIRST_LENS)
+    assert (asked.more_as_rival(h, found) > 0.0) == narrow
+    beside = asked.beside(h, nothing, found, "circumsolar-aureole", random=False)
+    assert (beside >= NAME_FIRST_FAR) == narrow
+    _on_another_lens(Conclusion(h, nothing, []), of_case=True)
+    assert asked.first(h, found, 1.0) < NAME_FIRST_FAR
 
 
 def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
