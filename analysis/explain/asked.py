@@ -40,6 +40,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     NARROW_DEG,
+    NO_DISC,
     TILTED_OR_LATE,
     WRONG_LENS,
 )
@@ -141,12 +142,13 @@ def _wrong(term: Term) -> float:
 
 
 def _blurs(fit: Fit, only: str = "") -> bool:
-    """Whether a change (of one mechanism ``only``) is hardly more than a blur (`Branch.blurs`, `NARROW_DEG`)."""
+    """Whether a change (of one mechanism ``only``) is hardly more than a blur."""
     terms = [(t, fit.theta[k : k + len(t.parameters)]) for t, k in fit.placed if only in {"", t.mechanism.id}]
-    return any(t.branch.blurs or _narrow(t, p) for t, p in terms)
+    return any(t.branch.blurs or _like_a_blur(t, p) for t, p in terms)
 
 
-def _narrow(term: Term, p: Floats) -> bool:
-    """Whether an aureole spreads the sun's light by no more than any lens may, unless the case brings it."""
+def _like_a_blur(term: Term, p: Floats) -> bool:
+    """Whether an aureole is one (`NARROW_DEG`, `NO_DISC`), unless the case brings it."""
     told = term.mechanism.id == CircumsolarAureole.id and len(p) == len(CircumsolarAureole.parameters)
-    return told and not term.branch.of_case and float(p[0] * p[1] ** 2) < NARROW_DEG**2
+    blur = told and (float(p[0] * p[1] ** 2) < NARROW_DEG**2 or float(p[0]) > NO_DISC)
+    return blur and not term.branch.of_case

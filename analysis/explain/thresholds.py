@@ -49,6 +49,9 @@ there, as that of a lens simulated a little wrong. (On another author's skylight
 NARROW_DEG = 1.8
 """The same of an aureole that spreads the sun's light by less than this (rms): a lens simulated a little wrong does so,
 by 1.2° as usual. (One of our own, false, of 1.4° gained 30.)"""
+NO_DISC = 0.85
+"""And of one that takes more than this of the sun's light: a sun without a disc has no images. (On another author's
+skylight one of 100 % and 4° gained 58 beside a mirrored arm.)"""
 WRONG_LENS = 1.5
 """Below a skylight a first name is asked for more, in proportion, where the simulation's lens is wrong by more than
 this beside it (`Hyper.lens`). (A bent response gained 24 on another author's skylight where it was 2.5 and nothing

@@ -41,6 +41,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     NARROW_DEG,
+    NO_DISC,
     OF_CASE_ODDS,
     RELIABLE,
     SURE,
@@ -123,16 +124,17 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
 
 
 @pytest.mark.parametrize(
-    ("fraction", "width_deg", "narrow"), [(0.2, 3.0, True), (0.2, 6.0, False), (0.6, 2.2, True), (0.6, 4.0, False)]
+    ("fraction", "width_deg", "narrow"),
+    [(0.2, 3.0, True), (0.2, 6.0, False), (0.6, 2.2, True), (0.6, 4.0, False), (0.95, 4.0, True)],
 )
 def test_an_aureole_that_any_lens_may_make_must_gain_more(
     arm: Scene, fraction: float, width_deg: float, narrow: bool
 ) -> None:
-    """What counts is how far it spreads the sun's light, both together; the case's own aureole is one."""
+    """What counts is how far it spreads the sun's light, and whether a disc is left; the case's own aureole is one."""
     h, nothing = _hypothesis(arm, 50.0, "circumsolar-aureole"), _hypothesis(arm, 0.0)
     h.fit.theta = np.array([fraction, width_deg])
     found = Conclusion(nothing, nothing, [])
-    assert (fraction**0.5 * width_deg < NARROW_DEG) == narrow
+    assert (fraction**0.5 * width_deg < NARROW_DEG or fraction > NO_DISC) == narrow
     assert asked.first(h, found, 1.0) == (NAME_FIRST_FAR if narrow else NAME_FIRST_LENS)
     assert (asked.more_as_rival(h, found) > 0.0) == narrow
     beside = asked.beside(h, nothing, found, "circumsolar-aureole", random=False)
