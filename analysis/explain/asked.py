@@ -7,15 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.cases.model import Floats
 from analysis.explain.conclusion import Conclusion, of_another_lens
 from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.base import Stage, Term
-from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
@@ -39,9 +36,6 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
-    NARROW_DEG,
-    NO_DISC,
-    TILTED_OR_LATE,
     WRONG_LENS,
 )
 
@@ -74,16 +68,6 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
-
-
-def likeliest(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
-    """The first of these; but a tilted meter in place of a clock that is hardly ahead of it (`TILTED_OR_LATE`)."""
-    tilted = next((h for h in named if h.ids == (MeterTilt.id,)), None)
-    if not found.one_instrument or tilted is None or named[0].ids != (UNREST.name,):
-        return named[0]
-    late = named[0].evidence
-    nats = found.temper(late - found.nothing.evidence)
-    return tilted if late - tilted.evidence < TILTED_OR_LATE * nats else named[0]
 
 
 def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:
@@ -142,13 +126,6 @@ def _wrong(term: Term) -> float:
 
 
 def _blurs(fit: Fit, only: str = "") -> bool:
-    """Whether a change (of one mechanism ``only``) is hardly more than a blur."""
-    terms = [(t, fit.theta[k : k + len(t.parameters)]) for t, k in fit.placed if only in {"", t.mechanism.id}]
-    return any(t.branch.blurs or _like_a_blur(t, p) for t, p in terms)
-
-
-def _like_a_blur(term: Term, p: Floats) -> bool:
-    """Whether an aureole is one (`NARROW_DEG`, `NO_DISC`), unless the case brings it."""
-    told = term.mechanism.id == CircumsolarAureole.id and len(p) == len(CircumsolarAureole.parameters)
-    blur = told and (float(p[0] * p[1] ** 2) < NARROW_DEG**2 or float(p[0]) > NO_DISC)
-    return blur and not term.branch.of_case
+    """Whether a change (of one mechanism ``only``) is hardly more than a blur (`Mechanism.blurs`)."""
+    mine = [(t, k) for t, k in fit.placed if only in {"", t.mechanism.id}]
+    return any(t.mechanism.blurs(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)

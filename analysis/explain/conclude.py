@@ -25,7 +25,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide, name_the_sure, share_of, share_with_doubles
+from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles
 
 
 def conclude(search: Search) -> Conclusion:
@@ -48,7 +48,7 @@ def conclude(search: Search) -> Conclusion:
     else:
         named = [h for h in named if not asked.is_a_moment(h)]
     if named:
-        found.best = asked.likeliest(named, found)
+        found.best = first_of(named, found)
         _grow(search, found)
     _look_for_unnamed(search, found)
     decide(found, few)

@@ -53,6 +53,19 @@ _ENDS = frozenset({"saturation", "meter-range-limit"})
 _GAINS = frozenset({"meter-gain", "channel-gain"})
 
 
+def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
+    """The first name of those with the evidence for one, best first: the best.
+
+    But a tilted meter in place of a clock that is hardly ahead of it (`TILTED_OR_LATE`).
+    """
+    tilted = next((h for h in named if h.ids == (MeterTilt.id,)), None)
+    if not found.one_instrument or tilted is None or named[0].ids != (UNREST.name,):
+        return named[0]
+    late = named[0].evidence
+    nats = found.temper(late - found.nothing.evidence)
+    return tilted if late - tilted.evidence < TILTED_OR_LATE * nats else named[0]
+
+
 def decide(found: Conclusion, few: float) -> None:
     """Set the verdict, probabilities, and what cannot be told apart."""
     told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed

@@ -9,6 +9,7 @@ from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
+from analysis.explain.thresholds import NARROW_DEG, NO_DISC
 
 _LEAST_WIDE_DEG = 2.0
 _SPREAD, _AGAIN, _HALFWAY = "spread", "again", "halfway"
@@ -63,6 +64,10 @@ class CircumsolarAureole(Retraced):
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """A lens that spreads light itself hides a part of an aureole, another part than the one that was traced."""
         return super().size_error_in(scene, branch) if branch.of_case else IMAGES_OF_SIZE
+
+    def blurs(self, p: Floats, branch: Branch) -> bool:
+        """Whether light is spread by no more than any lens may, or no disc is left; not if the case brings it."""
+        return not branch.of_case and (float(p[0] * p[1] ** 2) < NARROW_DEG**2 or float(p[0]) > NO_DISC)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Blur the sun part by the aureole: by re-simulation, on the outgoing sphere, or halfway."""

@@ -59,7 +59,7 @@ class Branch:
     brought
         Whether the case brings the change itself, in another form than a path of settings.
     blurs
-        Whether the change is hardly more than a blur, as that of a lens simulated a little wrong.
+        Whether the change is hardly more than a blur at any parameters, as that of a lens simulated a little wrong.
     stands_in
         Whether it lets light go on as the sky's does, which stands for whatever else spreads the sun's light.
     """
@@ -81,13 +81,9 @@ Reported = dict[str, dict[str, float | str]]
 """Parameters as they are told: name to value, uncertainty and unit."""
 
 
-def _digits(x: float) -> float:
-    return float(f"{x:.5g}")
-
-
 def told(value: float, uncertainty: float, unit: str) -> dict[str, float | str]:
     """One parameter as it is told."""
-    return {"value": _digits(value), "uncertainty": _digits(uncertainty), "unit": unit}
+    return {"value": float(f"{value:.5g}"), "uncertainty": float(f"{uncertainty:.5g}"), "unit": unit}
 
 
 @dataclass(frozen=True)
@@ -150,6 +146,10 @@ class Mechanism:
         """By how much it may move the edges of sharp images to either side [deg]: there its form tells little."""
         return 0.0
 
+    def blurs(self, p: Floats, branch: Branch) -> bool:
+        """Whether the change is hardly more than a blur, at these parameters."""
+        return branch.blurs
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the light on its way; ``p`` are the parameters."""
 
@@ -164,8 +164,7 @@ class Mechanism:
     def report(self, p: Floats, sd: Floats, term: "Term") -> Reported:
         """Fitted parameters as they are told: name to value, standard uncertainty and unit."""
         return {
-            q.name: {"value": _digits(x * q.per_unit), "uncertainty": _digits(u * q.per_unit), "unit": q.unit}
-            for q, x, u in zip(term.parameters, p, sd, strict=True)
+            q.name: told(x * q.per_unit, u * q.per_unit, q.unit) for q, x, u in zip(term.parameters, p, sd, strict=True)
         }
 
 

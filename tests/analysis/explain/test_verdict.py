@@ -52,7 +52,7 @@ from analysis.explain.thresholds import (
     TILTED_OR_LATE,
     WRONG_LENS,
 )
-from analysis.explain.verdict import decide, name_the_sure, share_of, share_with_doubles, stand_out
+from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles, stand_out
 from analysis.explain.wander import Wandering
 
 
@@ -191,14 +191,14 @@ def test_a_clock_that_is_hardly_ahead_of_a_tilted_meter_is_a_tilted_meter(roof: 
     singles = [("clock-offset", 100.0), ("meter-tilt", 100.0 - units * nats), ("dark-offset", 30.0)]
     weighed = [_hypothesis(roof, gain, name) for name, gain in singles]
     found = Conclusion(weighed[0], _hypothesis(roof, 0.0), weighed, one_instrument=True, nat=TEMPER_ONE)
-    found.best = asked.likeliest(weighed, found)
+    found.best = first_of(weighed, found)
     assert found.best.ids == (told,)
     decide(found, 1.0)
     lead = units * nats / temper(found.best.evidence, TEMPER_ONE)
     ahead = TILTED_OR_LATE - lead if told == "meter-tilt" else lead - TILTED_OR_LATE
     assert found.probability[told] == pytest.approx(RELIABLE * float(expit(ahead)), abs=1e-6)
     found.one_instrument = False
-    assert asked.likeliest(weighed, found).ids == ("clock-offset",)
+    assert first_of(weighed, found).ids == ("clock-offset",)
 
 
 @pytest.mark.parametrize(("other", "odds"), [("soiling", OF_CASE_ODDS), ("cosine-response", 0.0)])
