@@ -337,6 +337,8 @@ def test_walls_that_scatter_halfway_are_the_mean_of_the_traced_and_of_light_from
     for way in (traced.label, f"halfway to light from the sky: {traced.label}"):
         lights[way] = scene.dark_light()
         term(scene, "wall-scatter", way).illuminate(scene, lights[way], np.array([0.1]))
+    stand_in = {w: term(scene, "wall-scatter", w).branch.stands_in for w in lights}
+    assert list(stand_in.values()) == [False, True], "light that goes on as the sky's does counts for less"
     before, (again, halfway) = scene.fields.sun, (light.sun for light in lights.values())
     simple = 2.0 * halfway - again  # the other end of the mean
     per_lux = scene.beam_lx / scene.readings.diffuse_lx
