@@ -101,8 +101,9 @@ def shares_of(cores: list[int], workers: int) -> list[set[int]]:
 
 
 def _take(shares: "SimpleQueue[set[int]]") -> None:
-    """Keep this worker, and the programs it runs, to cores of their own: threads that take turns empty each other's
-    caches (two answers at once on two cores took 85 s free, and 60 s so).
+    """Keep this worker, and the programs it runs, to cores of their own; and to its owner's life.
+
+    Threads that take turns empty each other's caches (two answers at once on two cores took 85 s free, and 60 s so).
     """
     end_with_parent()
     os.sched_setaffinity(0, shares.get())
