@@ -108,9 +108,8 @@ def draw(rng: np.random.Generator, broken: bool = False) -> SkyCampaign:
     table = SunTable(site, chosen[0], chosen[-1])
     turbidity = float(rng.uniform(2.3, 5.0))
     places = _places(rng, zenith)
-    tests = tuple(
-        _test(rng, f"S{k + 1:02d}", start, table, turbidity, places, broken) for k, start in enumerate(chosen)
-    )
+    drawn = [_test(rng, f"S{k + 1:02d}", start, table, turbidity, places, broken) for k, start in enumerate(chosen)]
+    tests = tuple(test for test in drawn if len(test.directions))  # at the zenith alone the sun may stand in the way
     return SkyCampaign(
         site_name=name,
         site=site,

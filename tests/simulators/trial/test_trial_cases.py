@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simulators.trial import generate, truth
+from simulators.trial import generate, sky, truth
 from simulators.trial.kinds import STAGES, inside, outside
 from simulators.trial.made import Made, Order
 from simulators.trial.plan import CONTENTS, plan
@@ -132,6 +132,13 @@ def test_the_catalogue_is_complete() -> None:
     contract = set(CONTRACT.split())
     assert len(contract) == 32
     assert {name for kind in STAGES.values() for name in kind} == contract
+
+
+def test_no_picture_is_without_a_reading_where_the_sun_is_in_the_zenith() -> None:
+    """A campaign of the blind trial, one of whose suns stood within 8 degrees of the only direction: no answer."""
+    for seed in range(300):
+        campaign = sky.draw(np.random.default_rng(seed))
+        assert campaign.tests and all(len(test.directions) for test in campaign.tests), seed
 
 
 @pytest.mark.parametrize("kind", ["goniometer", "roof", "camera"])
