@@ -36,6 +36,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    THIRD,
     WRONG_LENS,
 )
 
@@ -70,26 +71,35 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
 
 
-def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool) -> float:
-    """What the further mechanism ``new`` of ``best`` must gain beside ``base``."""
+def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool, share: float = 0.0) -> float:
+    """What the further mechanism ``new`` of ``best`` must gain beside ``base``.
+
+    What the forms of ``base`` leave, many could take: so it counts for less, the larger the ``share`` of ``new`` among
+    all that could be added (`share_of`); but another lens's errors look like a lens, and a random function takes all.
+    """
     added = [t for t in best.fit.terms if t.mechanism.id == new]
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
+    times = THIRD if len(base.ids) > 1 else 1.0
     if _blurs(best.fit, new):
-        return NAME_FIRST_FAR + left
+        return times * NAME_FIRST_FAR + left
     if random and found.pictures:
-        return NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
+        return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
     if random:
-        return NAME_SECOND_RANDOM + held + left
+        return times * NAME_SECOND_RANDOM + held + left
     if any(t.tests is not None for t in added):  # the likest of hundreds
-        return NAME_SECOND_RANDOM + left
+        return times * NAME_SECOND_RANDOM + left
     if any(t.mechanism.like_a_lens and not t.branch.of_case for t in added):
-        return NAME_SECOND_LENS + left
+        return times * NAME_SECOND_LENS + left
+    return times * _second(added, found, new) + left * min((1.0 - share) / (1.0 - found.sure_beside), 1.0)
+
+
+def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if found.one_instrument:
-        return left + NAME_SECOND
+        return NAME_SECOND
     if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
-        return NAME_SECOND_LENS + left
-    return left + (NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW)
+        return NAME_SECOND_LENS
+    return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

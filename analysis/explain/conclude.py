@@ -165,8 +165,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    needed = asked.beside(best, base, found, new, random)
     share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
+    needed = asked.beside(best, base, found, new, random, share)
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None

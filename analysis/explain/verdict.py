@@ -14,6 +14,7 @@ from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
+    AS_WELL,
     DOUBLES,
     DOUBTFUL,
     EVEN,
@@ -216,13 +217,16 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
 def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
     """How much likelier the first name is than a rival, where the case brings the change that one of them makes.
 
-    The other's must be a change of optics that we traced on a lens like the case's, or put into a formula.
+    The other's must be a change of optics that we traced on a lens like the case's, or put into a formula. A rival that
+    the case brings must do nearly as well (`AS_WELL`): were it true, its form would take all there is.
     """
     singles = {h.ids[0]: h for h in found.singles if len(h.ids) == 1 and len(h.fit.terms) == 1}
     both = [singles.get(found.best.first), singles.get(rival[0]) if len(rival) == 1 else None]
     own = [h is not None and h.of_case for h in both]
     loose = [h is not None and not h.of_case and of_optics(h.fit.terms[0]) for h in both]
-    return OF_CASE_ODDS * (float(own[0] and loose[1]) - float(own[1] and loose[0]))
+    gains = [0.0 if h is None else h.evidence - found.nothing.evidence for h in both]
+    as_well = gains[1] > AS_WELL * gains[0]
+    return OF_CASE_ODDS * (float(own[0] and loose[1]) - float(own[1] and loose[0] and as_well))
 
 
 def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:

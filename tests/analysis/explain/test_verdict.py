@@ -49,6 +49,7 @@ from analysis.explain.thresholds import (
     SURE_BELOW,
     TEMPER,
     TEMPER_ONE,
+    THIRD,
     TILTED_OR_LATE,
     WRONG_LENS,
 )
@@ -214,6 +215,20 @@ def test_a_change_that_the_case_brings_is_likelier_than_one_of_another_lens(
         found = Conclusion(first, _hypothesis(arm, 0.0), [own, rival])
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
+
+
+@pytest.mark.parametrize(("gain", "likelier"), [(250.0, True), (230.0, False)])
+def test_a_change_that_the_case_brings_must_do_nearly_as_well_to_be_likelier(
+    arm: Scene, gain: float, likelier: bool
+) -> None:
+    """Its form is the truth's own: were it true, it would take all there is."""
+    first, brought = _hypothesis(arm, 300.0, "soiling"), _hypothesis(arm, gain, "lens-haze")
+    found = Conclusion(brought, _hypothesis(arm, 0.0), [first, brought])
+    _on_another_lens(found, of_case=True)
+    brought.fit.log_evidence, brought.ways, found.best = gain, [brought.fit], first
+    decide(found, 1.0)
+    odds = (300.0 - gain) / found.temper(300.0) - likelier * OF_CASE_ODDS
+    assert found.probability["soiling"] == pytest.approx(RELIABLE * expit(odds), abs=1e-6)
 
 
 def test_a_random_effect_may_leave_more_than_a_law(arm: Scene) -> None:
@@ -600,6 +615,35 @@ def test_a_single_sensor_beside_another_name_is_asked_less_and_what_follows_the_
         asked_for.append(asked.beside(both, first, found, new, random=False) - asked.misfit(first, found.nothing))
     assert asked_for == [NAME_SECOND_ONE, NAME_SECOND_BELOW, NAME_SECOND_LENS]
     assert NAME_SECOND_ONE < NAME_SECOND_BELOW < NAME_SECOND_LENS
+
+
+@pytest.mark.parametrize(("new", "all_of_it"), [("cosine-response", False), ("lens-orientation", True)])
+def test_what_a_form_leaves_counts_for_less_against_a_name_that_stands_out(
+    arm: Scene, new: str, all_of_it: bool
+) -> None:
+    """Many could take what another lens has wrong; but that looks like a lens."""
+    first, both = _hypothesis(arm, 400.0, "lens-orientation"), _hypothesis(arm, 450.0, "lens-orientation", new)
+    if all_of_it:
+        first, both = _hypothesis(arm, 400.0, "c-offset"), _hypothesis(arm, 450.0, "c-offset", new)
+    found = Conclusion(first, _hypothesis(arm, 0.0), [first])
+    left = asked.misfit(first, found.nothing)
+    shares = (0.5, found.sure_beside, 0.5 * (1.0 + found.sure_beside), 1.0)
+    asked_for = [asked.beside(both, first, found, new, False, share) for share in shares]
+    least = NAME_SECOND_LENS if all_of_it else NAME_SECOND_BELOW
+    assert asked_for == pytest.approx([least + left * part for part in (1, 1, 1 if all_of_it else 0.5, all_of_it)])
+    assert left > 1.0
+
+
+def test_a_third_name_is_asked_for_more_than_a_second(arm: Scene) -> None:
+    names = ("c-offset", "cosine-response")
+    found = Conclusion(_hypothesis(arm, 100.0, *names), _hypothesis(arm, 0.0), [])
+    asked_for = [
+        asked.beside(
+            _hypothesis(arm, 130.0, *base, "dark-offset"), _hypothesis(arm, 100.0, *base), found, new, False, 1.0
+        )
+        for base, new in ((names[:1], "dark-offset"), (names, "dark-offset"))
+    ]
+    assert asked_for == [NAME_SECOND_BELOW, THIRD * NAME_SECOND_BELOW]
 
 
 def test_errors_of_the_exposures_hold_what_laws_of_the_level_leave(picture: Scene) -> None:
