@@ -16,6 +16,7 @@ from analysis.explain.mechanisms.base import Stage, Term
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
+    FIRST_BY_LENS,
     HOLDS_LAWS,
     LEAST_MINUTES,
     MISFIT_LENS,
@@ -53,8 +54,9 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
 
     Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`).
     """
-    wrong = 1.0 if found.one_instrument else max(h.fit.hyper.lens / WRONG_LENS, 1.0)
-    return wrong * _first(h, found, few)
+    lens = h.fit.hyper.lens
+    far_wrong = not found.one_instrument and lens > WRONG_LENS
+    return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong else 0.0)
 
 
 def _first(h: Hypothesis, found: Conclusion, few: float) -> float:

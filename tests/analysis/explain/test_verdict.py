@@ -24,6 +24,7 @@ from analysis.explain.thresholds import (
     AHEAD,
     DOUBTFUL,
     EVEN_LENS,
+    FIRST_BY_LENS,
     FLATTENS,
     HOLDS_LAWS,
     LIKELIER,
@@ -115,11 +116,13 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: f
     assert asked.first(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
 
 
-@pytest.mark.parametrize(("lens", "times"), [(0.5, 1.0), (WRONG_LENS, 1.0), (2.0 * WRONG_LENS, 2.0)])
-def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene, lens: float, times: float) -> None:
+@pytest.mark.parametrize(
+    ("lens", "least"), [(0.5, NAME_FIRST_BELOW), (WRONG_LENS, NAME_FIRST_BELOW), (2.0, 2.0 * FIRST_BY_LENS)]
+)
+def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene, lens: float, least: float) -> None:
     h, nothing = _hypothesis(arm, 30.0, "dark-offset"), _hypothesis(arm, 0.0)
     h.fit.hyper = Hyper(1.0, 1.0, lens)
-    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(times * NAME_FIRST_BELOW)
+    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(least)
     alone = Conclusion(nothing, nothing, [], one_instrument=True)
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 
