@@ -6,7 +6,8 @@ would gain what it does not explain. So readings that neither nothing nor any pr
 each may err by itself. They are told, and where nothing is named they say that something is there.
 
 Under broken cloud a picture has edges everywhere, and a fraction of a degree between two instruments is worth tens of
-per cents there: such readings are quieted, too, but tell nothing.
+per cents there: such readings are quieted, too, but tell nothing. So are whole pictures, in which clouds moved between
+the two instruments (`restless`): one scatter for all pictures would make the calm ones count for as little.
 """
 
 from dataclasses import replace
@@ -14,9 +15,10 @@ from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.special import gammaln
 
-from analysis.cases.model import Ints
+from analysis.cases.model import Floats, Ints
 from analysis.explain.abreast import abreast
 from analysis.explain.families import SIZES
 from analysis.explain.fit import MIDDLE, Extra, Fit
@@ -24,6 +26,7 @@ from analysis.explain.form_error import locally_wrong
 from analysis.explain.pointing_error import steepness
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.sky_shape import towards
 from analysis.explain.wander import Wander
 
 ODD = 4.5
@@ -38,6 +41,12 @@ _FEW = 0.04
 """At most this share of the readings can be odd; more are a shape of their own."""
 _PROMISING, _MOST = 10.0, 4
 """Mechanisms that lower the objective by this are asked for what they explain, at most so many of the best."""
+_NEIGHBOURS = 4
+"""What a reading of a picture differs from so many of its neighbours is no smooth error."""
+_LEAST_PICTURE = 20
+"""Readings of a picture that tell how much it scatters."""
+_RESTLESS = 2.0
+"""A picture under broken cloud that scatters so many times as much as the middle one of its case is restless."""
 
 
 def quieted(search: Search) -> Search:
@@ -53,9 +62,9 @@ def quieted(search: Search) -> Search:
     rows = _odd_beside(search, nothing)
     if len(rows):
         rows = reduce(np.intersect1d, abreast(partial(_odd_beside, search), promising), rows)
-    if len(rows) == 0:
-        return search
-    return search.quieter(np.where(np.isin(np.arange(len(search.scene.readings)), rows), QUIET, 0.0))
+    alone = np.min([restless(search.scene, look.residual) for look in (nothing, *promising)], axis=0)
+    alone[rows] = QUIET
+    return search.quieter(alone) if np.any(alone > 0.0) else search
 
 
 def _odd_beside(search: Search, look: Fit) -> Ints:
@@ -71,6 +80,30 @@ def at_clouds(scene: Scene) -> NDArray[np.bool_]:
     r = scene.readings
     broken = np.array([t.sky == "partly-cloudy" for t in r.case.tests])
     return np.asarray(scene.is_sky & broken[r.test])
+
+
+def restless(scene: Scene, residual: Floats) -> Floats:
+    """Standard deviation (N,) by which readings of restless pictures err by themselves, given a fit's residual (N,)."""
+    r = scene.readings
+    placed = scene.is_sky & np.isfinite(r.gamma_deg)
+    pictures = [np.flatnonzero(placed & (r.test == k)) for k in np.unique(r.test[placed])]
+    pictures = [rows for rows in pictures if len(rows) >= _LEAST_PICTURE]
+    alone = np.zeros(len(r))
+    if len(pictures) < 3:
+        return alone
+    scatter = np.array([_scatter(towards(r)[rows], residual[rows]) for rows in pictures])
+    usual = float(np.median(scatter))
+    for rows, sd in zip(pictures, scatter, strict=True):
+        if sd > _RESTLESS * usual and at_clouds(scene)[rows[0]]:
+            alone[rows] = np.sqrt(sd**2 - usual**2)
+    return alone
+
+
+def _scatter(v: Floats, residual: Floats) -> float:
+    """Robust standard deviation of residuals (n,) about those of the neighbours of their directions ``v`` (n, 3)."""
+    _, near = cKDTree(v).query(v, _NEIGHBOURS + 1)
+    apart = residual - residual[near[:, 1:]].mean(axis=1)
+    return float(np.median(np.abs(apart)) / 0.6745 / np.sqrt(1.0 + 1.0 / _NEIGHBOURS))
 
 
 def odd_readings(search: Search, fit: Fit, extra: tuple[Extra, ...]) -> tuple[Wander, float] | None:

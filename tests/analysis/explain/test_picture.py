@@ -5,13 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.explain.alone import quieted
 from analysis.explain.answer import answer
+from analysis.explain.fit import Fitter
 from analysis.explain.hypers import OF_THE_SKY, lattice_of
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of
 from analysis.explain.pointing_error import pointing_errors, sky_steepness
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
+from analysis.explain.search import Search
 from analysis.explain.sky_error import USUAL, flat_field, of_a_model
 from analysis.explain.sky_shape import towards
 from tests.analysis.explain.campaign import Floats, Sky
@@ -53,6 +56,26 @@ def test_a_small_fall_off_is_named_where_the_noise_is_small(tmp_path: Path) -> N
     assert (
         abs(told["value"] - 0.12) < 2.5 * told["uncertainty"] + 0.03
     )  # the laws' rims differ, their fall-off does not
+
+
+def test_clouds_that_moved_in_one_picture_hide_nothing_in_the_others(tmp_path: Path) -> None:
+    rim = -0.12 * np.tile((ZENITH / 90.0) ** 3, len(SKY_TESTS))
+    rng = np.random.default_rng(8)
+    clouds = np.where(np.repeat(np.arange(4), 40) == 2, 0.25 * rng.normal(size=160), 0.0)
+    calm, cloudy = (
+        Search(Fitter(Scene(Readings.of(sky_case(tmp_path / name, seen(rim + moved))))))
+        for name, moved in (("calm", np.zeros(160)), ("cloudy", clouds))
+    )
+    quiet = quieted(cloudy)
+    assert quieted(calm).scene.alone is None
+    assert quiet.scene.alone is not None
+    assert np.unique(np.flatnonzero(quiet.scene.alone) // 40).tolist() == [2]
+    assert np.median(quiet.scene.alone[80:120]) == pytest.approx(0.25, rel=0.4)
+    gains = [
+        next(h.evidence for h in search.singles() if h.ids == ("vignetting",)) - search.nothing().evidence
+        for search in (calm, cloudy, quiet)
+    ]
+    assert gains[1] < 0.5 * gains[0] < gains[2]
 
 
 def test_what_turns_with_the_sun_and_has_no_name_gets_none(tmp_path: Path) -> None:
