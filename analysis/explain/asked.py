@@ -61,7 +61,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
 
 def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
-    if _blurs(h.fit):
+    if blurs(h.fit):
         return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
@@ -83,7 +83,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
     times = THIRD if len(base.ids) > 1 else 1.0
-    if _blurs(best.fit, new):
+    if blurs(best.fit, new):
         return times * NAME_FIRST_FAR + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
@@ -107,7 +107,7 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:
     """How many nats more than others a single is asked for: by so much less it speaks against another name."""
     cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
-    return _first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or _blurs(h.fit) else 0.0
+    return _first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or blurs(h.fit) else 0.0
 
 
 def share_of_few(search: Search) -> float:
@@ -137,7 +137,7 @@ def _wrong(term: Term) -> float:
     return min(term.mechanism.form_error, OF_CASE) if term.branch.of_case else term.mechanism.form_error
 
 
-def _blurs(fit: Fit, only: str = "") -> bool:
+def blurs(fit: Fit, only: str = "") -> bool:
     """Whether a change (of one mechanism ``only``) is hardly more than a blur (`Mechanism.blurs`)."""
     mine = [(t, k) for t, k in fit.placed if only in {"", t.mechanism.id}]
     return any(t.mechanism.blurs(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)

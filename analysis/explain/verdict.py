@@ -3,18 +3,14 @@
 import numpy as np
 from scipy.special import expit
 
-from analysis.explain import asked
-from analysis.explain.conclusion import Conclusion, doubles, flattens, of_optics, temper, traced
-from analysis.explain.families import UNREST
+from analysis.explain import asked, likelier
+from analysis.explain.conclusion import Conclusion, doubles, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.roof_meters import MeterTilt
-from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
-    AS_WELL,
     DOUBLES,
     DOUBTFUL,
     EVEN,
@@ -23,7 +19,6 @@ from analysis.explain.thresholds import (
     EVEN_LENS,
     EVEN_PICTURE,
     EVEN_READINGS,
-    FLATTENS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_RANDOM,
@@ -32,7 +27,6 @@ from analysis.explain.thresholds import (
     LEVEL_ALONE,
     LIKELIER,
     MOST_MISFIT,
-    OF_CASE_ODDS,
     OF_THREE,
     OTHER_LENS,
     PLACED,
@@ -44,27 +38,25 @@ from analysis.explain.thresholds import (
     SURE_ALONE,
     TEMPER,
     TEMPER_RANDOM,
-    TILTED_OR_LATE,
     UNNAMED,
     UNNAMED_ALONE,
     UNNAMED_ALONE_ONE,
 )
 
-_ENDS = frozenset({"saturation", "meter-range-limit"})
 _GAINS = frozenset({"meter-gain", "channel-gain"})
 
 
 def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
     """The first name of those with the evidence for one, best first: the best.
 
-    But a tilted meter in place of a clock that is hardly ahead of it (`TILTED_OR_LATE`).
+    But that which is likelier than the best (`likelier.by_itself`) if the best is hardly ahead of it.
     """
-    tilted = next((h for h in named if h.ids == (MeterTilt.id,)), None)
-    if not found.one_instrument or tilted is None or named[0].ids != (UNREST.name,):
-        return named[0]
-    late = named[0].evidence
-    nats = found.temper(late - found.nothing.evidence)
-    return tilted if late - tilted.evidence < TILTED_OR_LATE * nats else named[0]
+    best = named[0]
+    nats = found.temper(best.evidence - found.nothing.evidence)
+    for other in named[1:]:
+        if best.evidence - other.evidence < likelier.by_itself(found, other.ids[0], best.ids) * nats:
+            return other
+    return best
 
 
 def decide(found: Conclusion, few: float) -> None:
@@ -204,46 +196,16 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
     more = {h.ids[0]: asked.more_as_rival(h, found) for h in found.singles if len(h.ids) == 1}
+    more = {m: max(more[m] - more.get(found.best.first, 0.0), 0.0) for m in more}
     for m, gain in alone.items():
         if m not in alike:
             rivals[m,] = (gain - more[m] - (whole if m in bases else top)) / units[m]
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
-    likelier = {key: _ends(found, key) + _brought(found, key) + _tilted(found, key) for key in rivals}
-    return {key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier[key] for key, odds in rivals.items()}
-
-
-def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
-    """How much likelier the first name is than a rival, where the case brings the change that one of them makes.
-
-    The other's must be a change of optics that we traced on a lens like the case's, or put into a formula. A rival that
-    the case brings must do nearly as well (`AS_WELL`): were it true, its form would take all there is.
-    """
-    singles = {h.ids[0]: h for h in found.singles if len(h.ids) == 1 and len(h.fit.terms) == 1}
-    both = [singles.get(found.best.first), singles.get(rival[0]) if len(rival) == 1 else None]
-    own = [h is not None and h.of_case for h in both]
-    loose = [h is not None and not h.of_case and of_optics(h.fit.terms[0]) for h in both]
-    gains = [0.0 if h is None else h.evidence - found.nothing.evidence for h in both]
-    as_well = gains[1] > AS_WELL * gains[0]
-    return OF_CASE_ODDS * (float(own[0] and loose[1]) - float(own[1] and loose[0] and as_well))
-
-
-def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:
-    """How much likelier the first name is than a rival, where one is a range that ends and the other flattens alike."""
-    bent = next((h for h in found.singles if h.ids == (Nonlinearity.id,)), None)
-    names = {found.best.first, *rival}
-    if bent is None or not flattens(bent) or len(rival) > 1 or not names & _ENDS or Nonlinearity.id not in names:
-        return 0.0
-    return FLATTENS if found.best.first in _ENDS else -FLATTENS
-
-
-def _tilted(found: Conclusion, rival: tuple[str, ...]) -> float:
-    """How much likelier the first name is than a rival, where one is a tilted meter and the other a clock."""
-    names = found.best.first, rival[0]
-    if not found.one_instrument or set(names) != {MeterTilt.id, UNREST.name} or len(rival) > 1:
-        return 0.0
-    return TILTED_OR_LATE if names[0] == MeterTilt.id else -TILTED_OR_LATE
+    return {
+        key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier.than(found, key) for key, odds in rivals.items()
+    }
 
 
 def _takes_the_rest(found: Conclusion) -> bool:

@@ -42,6 +42,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     NARROW_DEG,
+    NEAR_OR_BLURRED,
     NO_DISC,
     OF_CASE_ODDS,
     RELIABLE,
@@ -594,6 +595,35 @@ def test_a_blur_is_asked_for_more(arm: Scene) -> None:
         decide(beside, 1.0)
         assert (beside.probability["c-offset"] > 0.8) == blurs, "as a rival, too"
         assert (asked.beside(both, other, found, "near-field", random=False) >= NAME_FIRST_FAR) == blurs
+
+
+@pytest.mark.parametrize(
+    ("fraction", "units", "told"),
+    [
+        (0.95, 0.0, "near-field"),
+        (0.95, 1.5, "near-field"),
+        (0.95, 2.5, "circumsolar-aureole"),
+        (0.6, 0.5, "circumsolar-aureole"),
+    ],
+)
+def test_a_sun_without_a_disc_that_is_hardly_ahead_of_a_near_field_is_one(
+    arm: Scene, fraction: float, units: float, told: str
+) -> None:
+    """Both are blurs, and neither is discounted beside the other for that."""
+    sun, near = _hypothesis(arm, 100.0, "circumsolar-aureole"), _hypothesis(arm, 0.0, "near-field")
+    (term,) = near.fit.terms
+    gain = 100.0 - units * temper(100.0)
+    near.fit.terms, near.fit.log_evidence = (replace(term, branch=replace(term.branch, blurs=True)),), gain
+    near = replace(near, evidence=gain)
+    sun.fit.theta = np.array([fraction, 4.0])
+    found = Conclusion(sun, _hypothesis(arm, 0.0), [sun, near])
+    found.best = first_of([sun, near], found)
+    assert found.best.ids == (told,)
+    if fraction > NO_DISC:
+        decide(found, 1.0)
+        lead = units * temper(100.0) / found.temper(found.best.evidence)
+        ahead = NEAR_OR_BLURRED - lead if told == "near-field" else lead - NEAR_OR_BLURRED
+        assert found.probability[told] == pytest.approx(RELIABLE * float(expit(ahead)), abs=1e-6)
 
 
 def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:

@@ -1,0 +1,57 @@
+"""How much likelier one name is than another that does alike, for what the two are [log odds]."""
+
+from typing import Final
+
+from analysis.explain import asked
+from analysis.explain.conclusion import Conclusion, flattens, of_optics
+from analysis.explain.families import UNREST
+from analysis.explain.mechanisms.aureole import CircumsolarAureole
+from analysis.explain.mechanisms.goniometer import NearField
+from analysis.explain.mechanisms.roof_meters import MeterTilt
+from analysis.explain.mechanisms.sensors import Nonlinearity
+from analysis.explain.thresholds import AS_WELL, FLATTENS, NEAR_OR_BLURRED, OF_CASE_ODDS, TILTED_OR_LATE
+
+_ENDS: Final = frozenset({"saturation", "meter-range-limit"})
+
+
+def than(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival that gains as much."""
+    return _ends(found, rival) + _brought(found, rival) + _beside(found, rival)
+
+
+def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival, where the case brings the change that one of them makes.
+
+    The other's must be a change of optics that we traced on a lens like the case's, or put into a formula. A rival that
+    the case brings must do nearly as well (`AS_WELL`): were it true, its form would take all there is.
+    """
+    singles = {h.ids[0]: h for h in found.singles if len(h.ids) == 1 and len(h.fit.terms) == 1}
+    both = [singles.get(found.best.first), singles.get(rival[0]) if len(rival) == 1 else None]
+    own = [h is not None and h.of_case for h in both]
+    loose = [h is not None and not h.of_case and of_optics(h.fit.terms[0]) for h in both]
+    gains = [0.0 if h is None else h.evidence - found.nothing.evidence for h in both]
+    as_well = gains[1] > AS_WELL * gains[0]
+    return OF_CASE_ODDS * (float(own[0] and loose[1]) - float(own[1] and loose[0] and as_well))
+
+
+def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival, where one is a range that ends and the other flattens alike."""
+    bent = next((h for h in found.singles if h.ids == (Nonlinearity.id,)), None)
+    names = {found.best.first, *rival}
+    if bent is None or not flattens(bent) or len(rival) > 1 or not names & _ENDS or Nonlinearity.id not in names:
+        return 0.0
+    return FLATTENS if found.best.first in _ENDS else -FLATTENS
+
+
+def _beside(found: Conclusion, rival: tuple[str, ...]) -> float:
+    """How much likelier the first name is than a rival for what they are (`by_itself`)."""
+    first = found.best.first
+    return by_itself(found, first, rival) - (by_itself(found, rival[0], (first,)) if len(rival) == 1 else 0.0)
+
+
+def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
+    """Log odds of one name against another that does alike, before any evidence: a tilt for a clock, a near field."""
+    if found.one_instrument:
+        return TILTED_OR_LATE if (name, *other) == (MeterTilt.id, UNREST.name) else 0.0
+    blurred = any(h.ids == (CircumsolarAureole.id,) and asked.blurs(h.fit) for h in found.singles)
+    return NEAR_OR_BLURRED if blurred and (name, *other) == (NearField.id, CircumsolarAureole.id) else 0.0
