@@ -66,15 +66,16 @@ def decide(found: Conclusion, few: float) -> None:
     gain = found.best.evidence - found.nothing.evidence
     rough = _rougher(found, ROUGH_ONE if found.one_instrument else ROUGH if found.best.ids else ROUGH_ALONE)
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
+    beaten = found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0)))
     if not found.best.ids:
         off = found.one_instrument and abs(found.level) > LEVEL_ALONE
         least = UNNAMED_ALONE_ONE if found.one_instrument else UNNAMED_ALONE
         found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
-        wrong = imitated or found.law_alone > gain or (rough and gain < LEAST_ROUGH)
+        wrong = imitated or beaten or (rough and gain < LEAST_ROUGH)
         wrong = wrong or (gain < STRONG and _another_lens(found))
         found.verdict = "unexplained" if wrong else "partly-explained"
-    elif imitated or found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0))):
+    elif imitated or beaten:
         found.verdict = "unexplained"
     elif not found.best.fit.ids and not found.one_instrument and not set(found.best.ids) <= found.shown:
         # a random effect predicts no reading, and leans on ripple, unless repeats of one direction show it themselves;

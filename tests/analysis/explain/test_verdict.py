@@ -816,6 +816,9 @@ def test_a_law_beyond_the_catalogue_is_less_likely_than_a_name_that_does_as_well
     assert as_well.probability["gamma-offset"] == pytest.approx(RELIABLE * expit(LIKELIER))
     better = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0 + 2.0 * AHEAD * np.sqrt(280.0))
     assert better.verdict == "unexplained"
+    for left, verdict in ((0.0, "explained"), (40.0, "partly-explained")):
+        hardly = _decided(arm, ("gamma-offset", 280.0), law_alone=280.0 + 0.5 * AHEAD * np.sqrt(280.0), left=left)
+        assert hardly.verdict == verdict
 
 
 def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
@@ -854,7 +857,7 @@ def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> N
         (Hyper(2.9, 2.9, 1.6), "no-mismatch"),
         (Hyper(3.1, 1.0, 1.0), "unexplained"),
         (Hyper(1.0, 3.6, 1.0), "unexplained"),
-        (Hyper(1.0, 1.0, 2.5), "unexplained"),
+        (Hyper(1.0, 1.0, 2.5), "no-mismatch"),
     ],
 )
 def test_where_nothing_is_named_a_rough_rest_says_that_something_is_there(
