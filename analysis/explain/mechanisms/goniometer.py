@@ -197,17 +197,26 @@ class CHandedness(Mechanism):
     tie_breaker = "a lamp in the east"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """Mirrored at the north-south axis, or at the east-west axis (C zero in the south)."""
-        return (Branch("zero in the north", 0.0), Branch("zero in the south", 180.0))
+        """Mirrored at the north-south axis, or at the east-west axis (C zero in the south); below one system or all."""
+        r = scene.readings
+        systems = sorted({r.case.tests[k].system or "" for k in np.unique(r.test[scene.is_gonio])})
+        below = ("", *systems) if len(systems) > 1 else ("",)
+        return tuple(
+            Branch(f"zero in the {where}" + (f", {system} only" if system else ""), (zero, system))
+            for system in below
+            for where, zero in (("north", 0.0), ("south", 180.0))
+        )
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the mirrored fields."""
-        light.c_deg = float(branch.value) + p[0] - light.c_deg
+        zero, system = branch.value
+        below = np.array([system in ("", t.system) for t in scene.readings.case.tests])[scene.readings.test]
+        light.c_deg = np.where(below, zero + p[0] - light.c_deg, light.c_deg)
         light.moved = True
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say where zero is."""
-        return (
-            f"The planes run the other way round (C = 0 lies at {branch.value + p[0]:.0f}°): east "
-            "and west are exchanged."
-        )
+        zero, system = branch.value
+        below = f" below {system}" if system else ""
+        there = f"C = 0 lies at {zero + p[0]:.0f}°"
+        return f"The planes run the other way round{below} ({there}): east and west are exchanged."

@@ -32,8 +32,12 @@ def c_offset(degrees: float) -> Truth:
     return lambda rows: light(rows, None, rows.c_deg + degrees)
 
 
-def handedness(zero_deg: float) -> Truth:
-    return lambda rows: light(rows, None, zero_deg - rows.c_deg)
+def handedness(zero_deg: float, below: tuple[str, ...] = ("box", "tube")) -> Truth:
+    def truth(rows: Rows) -> Floats:
+        turned = np.array([t.system in below for t in rows.tests])[rows.test]
+        return light(rows, None, np.where(turned, zero_deg - rows.c_deg, rows.c_deg))
+
+    return truth
 
 
 def swap(one_deg: float, other_deg: float) -> Truth:

@@ -56,6 +56,7 @@ ON_THE_ARM = [
     ("c-offset", "", (6.0,), effects.c_offset(6.0), 0.01),
     ("c-handedness", "zero in the north", (4.0,), effects.handedness(4.0), 0.01),
     ("c-handedness", "zero in the south", (0.0,), effects.handedness(180.0), 0.01),
+    ("c-handedness", "zero in the north, box only", (4.0,), effects.handedness(4.0, ("box",)), 0.01),
     ("channel-swap", "gonio.g45 and gonio.g55", (), effects.swap(45.0, 55.0), 0.005),
     ("near-field", "closed form", (1.0,), effects.near_field, 0.02),
     ("dark-offset", SENSORS, (30.0,), effects.offset(30.0), 1e-6),
