@@ -8,8 +8,9 @@ from analysis.explain.families import UNREST
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.goniometer import NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
+from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import Nonlinearity
-from analysis.explain.thresholds import AS_WELL, FLATTENS, NEAR_OR_BLURRED, OF_CASE_ODDS, TILTED_OR_LATE
+from analysis.explain.thresholds import AS_WELL, FLATTENS, NEAR_OR_BLURRED, OF_CASE_ODDS, ROOM_OR_LEAK, TILTED_OR_LATE
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
 
@@ -50,8 +51,16 @@ def _beside(found: Conclusion, rival: tuple[str, ...]) -> float:
 
 
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
-    """Log odds of one name against another that does alike, before any evidence: a tilt for a clock, a near field."""
+    """Log odds of one name against another that does alike, before any evidence.
+
+    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight.
+    """
+    pair = name, *other
     if found.one_instrument:
-        return TILTED_OR_LATE if (name, *other) == (MeterTilt.id, UNREST.name) else 0.0
-    blurred = any(h.ids == (CircumsolarAureole.id,) and asked.blurs(h.fit) for h in found.singles)
-    return NEAR_OR_BLURRED if blurred and (name, *other) == (NearField.id, CircumsolarAureole.id) else 0.0
+        return TILTED_OR_LATE if pair == (MeterTilt.id, UNREST.name) else 0.0
+    alone = {h.ids[0]: h for h in found.singles if len(h.ids) == 1}
+    if pair == (NearField.id, CircumsolarAureole.id) and other[0] in alone:
+        return NEAR_OR_BLURRED if asked.blurs(alone[other[0]].fit) else 0.0
+    if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
+        return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
+    return 0.0

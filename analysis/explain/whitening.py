@@ -117,11 +117,17 @@ class Whitener:
         return np.asarray(np.sum(white**2, axis=0) - np.sum(onto * cho_solve(self._inner, onto), axis=0))
 
     def whitened(self, columns: Floats) -> Floats:
-        """Columns (N, k) turned so that pure nuisance becomes independent unit noise (effects included)."""
-        white = self.solved(columns)
-        u, size, _ = np.linalg.svd(self._effects, full_matrices=False)
-        shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-        return np.asarray(white - u @ (shrink[:, None] * (u.T @ white)))
+        """Columns (N, k) turned so that pure nuisance becomes independent unit noise (effects included).
+
+        (1 + E Eᵀ)^(-1/2) by the eigenvectors of Eᵀ E: few, and found where a singular value decomposition may not
+        converge.
+        """
+        white, effects = self.solved(columns), self._effects
+        square, vectors = np.linalg.eigh(effects.T @ effects)
+        size = np.sqrt(1.0 + np.maximum(square, 0.0))
+        shrink = 1.0 / (size * (1.0 + size))  # (1 - 1 / size) / (size² - 1), without its 0 / 0
+        turned = vectors.T @ (effects.T @ white)
+        return np.asarray(white - effects @ (vectors @ (shrink[:, None] * turned)))
 
     def weights(self, residual: Floats) -> Floats:
         """Σ⁻¹ ``residual``; shape (N,)."""

@@ -46,6 +46,7 @@ from analysis.explain.thresholds import (
     NO_DISC,
     OF_CASE_ODDS,
     RELIABLE,
+    ROOM_OR_LEAK,
     SURE,
     SURE_ALONE,
     SURE_BELOW,
@@ -624,6 +625,16 @@ def test_a_sun_without_a_disc_that_is_hardly_ahead_of_a_near_field_is_one(
         lead = units * temper(100.0) / found.temper(found.best.evidence)
         ahead = NEAR_OR_BLURRED - lead if told == "near-field" else lead - NEAR_OR_BLURRED
         assert found.probability[told] == pytest.approx(RELIABLE * float(expit(ahead)), abs=1e-6)
+
+
+@pytest.mark.parametrize(("way", "odds"), [("following the daylight", ROOM_OR_LEAK), ("constant", 0.0)])
+def test_a_room_is_likelier_than_a_leak_that_follows_the_daylight(arm: Scene, way: str, odds: float) -> None:
+    room, leak = (_hypothesis(arm, 200.0, name) for name in ("room-interreflection", "stray-light"))
+    leak.fit.terms = tuple(t for t in terms_of(BY_ID["stray-light"], arm) if t.branch.label == way)
+    for first, sure in ((room, odds), (leak, -odds)):
+        found = Conclusion(first, _hypothesis(arm, 0.0), [room, leak])
+        decide(found, 1.0)
+        assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
 
 
 def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:
