@@ -52,6 +52,11 @@ by 1.2° as usual. (One of our own, false, of 1.4° gained 30.)"""
 NO_DISC = 0.85
 """And of one that takes more than this of the sun's light: a sun without a disc has no images. (On another author's
 skylight one of 100 % and 4° gained 58 beside a mirrored arm.)"""
+NO_SUN = 0.95
+"""And one that takes more than this is none: no clear sky hides its sun, and what a lens has wrong ends there. (Of two
+authors' and our own aureoles the largest that was true was told as .92, three that were false as .96 to 1.)"""
+NEVER = 1e6
+"""What is never named must gain this."""
 WRONG_LENS = 1.2
 """Below a skylight a first name is asked for more where the simulation's lens is wrong by more than so many times the
 usual beside it (`Hyper.lens`):"""

@@ -9,7 +9,7 @@ from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
-from analysis.explain.thresholds import NARROW_DEG, NO_DISC
+from analysis.explain.thresholds import NARROW_DEG, NO_DISC, NO_SUN
 
 _LEAST_WIDE_DEG = 2.0
 _SPREAD, _AGAIN, _HALFWAY = "spread", "again", "halfway"
@@ -68,6 +68,10 @@ class CircumsolarAureole(Retraced):
     def blurs(self, p: Floats, branch: Branch) -> bool:
         """Whether light is spread by no more than any lens may, or no disc is left; not if the case brings it."""
         return not branch.of_case and (float(p[0] * p[1] ** 2) < NARROW_DEG**2 or float(p[0]) > NO_DISC)
+
+    def absurd(self, p: Floats, branch: Branch) -> bool:
+        """Whether the sun has no disc left at all."""
+        return not branch.of_case and float(p[0]) > NO_SUN
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Blur the sun part by the aureole: by re-simulation, on the outgoing sphere, or halfway."""

@@ -150,6 +150,10 @@ class Mechanism:
         """Whether the change is hardly more than a blur, at these parameters."""
         return branch.blurs
 
+    def absurd(self, p: Floats, branch: Branch) -> bool:
+        """Whether nothing is so: at the end of its range a form takes what others left."""
+        return False
+
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the light on its way; ``p`` are the parameters."""
 
@@ -234,9 +238,8 @@ def _single_tests(scene: Scene) -> list[State]:
     present, began = _in_order(scene)
     states = []
     for k, after in pairwise(present[1:]):
-        known = np.isfinite(began[k])
-        facts = {"from_utc_s": float(began[k]), "until_utc_s": float(began[after])} if known else {}
-        states.append((f"in {scene.readings.case.tests[k].id}", frozenset({int(k)}), facts))
+        times = {"from_utc_s": float(began[k]), "until_utc_s": float(began[after])} if np.isfinite(began[k]) else {}
+        states.append((f"in {scene.readings.case.tests[k].id}", frozenset({int(k)}), times))
     return states
 
 
@@ -247,10 +250,9 @@ def _states(scene: Scene) -> list[State]:
     states = []
     for cut in range(1, len(present)):
         name, at = r.case.tests[present[cut]].id, float(began[present[cut]])
-        known = np.isfinite(at)
         before, after = (frozenset(int(k) for k in part) for part in (present[:cut], present[cut:]))
-        states.append((f"until before {name}", before, {"until_utc_s": at} if known else {}))
-        states.append((f"from {name} on", after, {"from_utc_s": at} if known else {}))
+        states.append((f"until before {name}", before, {"until_utc_s": at} if np.isfinite(at) else {}))
+        states.append((f"from {name} on", after, {"from_utc_s": at} if np.isfinite(at) else {}))
     return states
 
 

@@ -43,6 +43,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_RANDOM,
     NARROW_DEG,
     NEAR_OR_BLURRED,
+    NEVER,
     NO_DISC,
     OF_CASE_ODDS,
     RELIABLE,
@@ -147,6 +148,19 @@ def test_an_aureole_that_any_lens_may_make_must_gain_more(
     assert (beside >= NAME_FIRST_FAR) == narrow
     _on_another_lens(Conclusion(h, nothing, []), of_case=True)
     assert asked.first(h, found, 1.0) < NAME_FIRST_FAR
+
+
+def test_a_sun_without_any_disc_is_never_named_and_no_rival(arm: Scene) -> None:
+    """Unless the case itself brings one."""
+    sun, other = _hypothesis(arm, 300.0, "circumsolar-aureole"), _hypothesis(arm, 300.0, "gamma-offset")
+    nothing = _hypothesis(arm, 0.0)
+    sun.fit.theta = np.array([1.0, 4.0])
+    found = Conclusion(other, nothing, [sun, other])
+    assert asked.first(sun, found, 1.0) == asked.beside(sun, other, found, "circumsolar-aureole", False) == NEVER
+    decide(found, 1.0)
+    assert found.probability["gamma-offset"] > 0.94
+    _on_another_lens(Conclusion(sun, nothing, []), of_case=True)
+    assert asked.first(sun, found, 1.0) < NAME_FIRST_FAR
 
 
 def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
