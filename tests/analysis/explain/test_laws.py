@@ -139,7 +139,7 @@ def test_what_cannot_be_tried_is_said(arm: Scene) -> None:
     for i in ("lens-orientation", "clock-offset"):  # without a re-simulation, the sun's image is turned as a whole
         assert BY_ID[i].why_not(arm) == ""
     assert [b.value for b in BY_ID["clock-offset"].branches(arm)] == ["image"]
-    assert [b.value for b in BY_ID["lens-orientation"].branches(arm)] == ["image", "all:tube"]
+    assert [b.value for b in BY_ID["lens-orientation"].branches(arm)] == ["image", "all:box", "all:tube"]
 
 
 # turns, mirrors, swaps
@@ -181,13 +181,33 @@ def test_below_a_round_well_a_lens_that_is_turned_is_an_arm_turned_back(arm: Sce
     assert turned[~tube] == pytest.approx(arm.readings.simulated[~tube], rel=1e-9)
 
 
-@pytest.mark.parametrize(("lens", "ways"), [("prismatic", 1), ("diffusing", 0), ("clear", 0)])
-def test_only_a_lens_with_a_pattern_can_lie_turned_in_a_round_well(tmp_path: Path, lens: str, ways: int) -> None:
+@pytest.mark.parametrize(
+    ("lens", "kind", "ways"),
+    [("prismatic", "top", 1), ("diffusing", "box", 0), ("clear", "box", 0), ("prismatic", "box", 2)],
+)
+def test_only_a_lens_with_a_pattern_can_lie_turned_below_a_long_well(
+    tmp_path: Path, lens: str, kind: str, ways: int
+) -> None:
+    """A square one only beside another system: else that is an arm turned back."""
     table = tomllib.loads((make_case(tmp_path / "as it is").folder / "case.toml").read_text())
-    systems = [s | {"lens": lens} for s in table["system"]]
+    systems = [s | {"lens": lens, "kind": "tube" if s["kind"] == "tube" else kind} for s in table["system"]]
     scene = Scene(Readings.of(make_case(tmp_path / "case", change={"system": systems})))
     labels = [b.label for b in BY_ID["lens-orientation"].branches(scene)]
     assert sum("all light" in label for label in labels) == ways
+
+
+def test_all_light_of_the_only_square_well_is_not_turned(tmp_path: Path) -> None:
+    table = tomllib.loads((make_case(tmp_path / "as it is").folder / "case.toml").read_text())
+    systems = [s | {"lens": "prismatic", "kind": "box"} for s in table["system"]]
+    tests = [t | {"system": systems[0]["id"]} for t in table["test"]]
+    scene = Scene(Readings.of(make_case(tmp_path / "case", change={"system": systems, "test": tests})))
+    assert not any("all light" in b.label for b in BY_ID["lens-orientation"].branches(scene))
+
+
+def test_the_angle_of_all_light_is_the_least_that_the_lens_is_turned_by(arm: Scene) -> None:
+    lens = BY_ID["lens-orientation"]
+    ways = {b.label: lens.size_error_in(arm, b) for b in lens.branches(arm)}
+    assert ways["turn of all light of tube"] > 0.5 > ways["turn of the sun's image"]
 
 
 def test_swapped_twice_is_nothing(arm: Scene) -> None:
