@@ -137,9 +137,8 @@ def _isotropy(traced: Tracing) -> Iterator[Path]:
         "how much of the pattern the simulation had lost (1 = all)",
         0.0,
         1.5,
-        0.3,
-        (1.0,),
-        centre=1.0,
+        0.5,
+        (0.1, 0.4, 1.0),
     )
     for width, note in EVENED_DEG.items():
         over = traced.over_base(other, width)

@@ -148,6 +148,8 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
 def _weight(kind: _Kind, label: str) -> Parameter:
     """How much of a variant's change is seen: about all of what is there or not, any amount of what has a size."""
     what = f"share of the change to {label} that is seen"
+    if kind.mechanism == "lens-anisotropy":  # a lens may have less of a pattern than the one that was simulated
+        return Parameter("weight", "1", what, 0.0, 1.5, 0.5, (0.1, 0.4, 1.0))
     if kind.mechanism in {*_ALL_OR_NOTHING, "lens-orientation"}:
         return Parameter("weight", "1", what, 0.0, 1.5, 0.2, (1.0,), centre=1.0)
     return Parameter("weight", "1", what, 0.0, 4.0, 1.0, (0.3, 1.0, 2.0))

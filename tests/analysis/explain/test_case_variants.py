@@ -1,6 +1,7 @@
 """The case's own variants: the same simulation run again with one thing changed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from analysis.cases import Case
 from analysis.explain.apply import Model, apply_model
-from analysis.explain.fit import Fitter
+from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
@@ -191,6 +192,7 @@ def test_what_was_run_for_each_system_apart_is_also_one_run(tmp_path: Path) -> N
     ("mechanism", "setting", "most"),
     [
         ("lens-orientation", {"mirrored": True}, 1.5),
+        ("lens-anisotropy", {"isotropic": False}, 1.5),
         ("soiling", {"depth": 0.1, "scattered": 0.5}, 4.0),
         ("wall-reflectance", {"wall_reflectance": 0.9}, 4.0),  # of walls that were simulated with different ones
     ],
@@ -204,6 +206,20 @@ def test_of_what_has_no_scale_a_share_is_told(
     way = next(t for t in terms_of(BY_ID[mechanism], scene) if t.branch.label.startswith("case's variant "))
     assert (way.parameters[0].name, way.parameters[0].high) == ("weight", most)
     assert predict(scene, (way,), np.array([1.4])) == pytest.approx(BASE - 0.14 * sun(scene), rel=1e-3)
+
+
+@pytest.mark.parametrize("weight", [0.08, 0.3, 1.0])
+def test_a_lens_with_part_of_its_pattern_is_found(tmp_path: Path, weight: float) -> None:
+    """A tenth of what a whole pattern changes is plain to see, and is no whole one."""
+    scene = varied(tmp_path / "case", ("lens-anisotropy", {"isotropic": False}, turned, ""))
+    (way,) = [t for t in terms_of(BY_ID["lens-anisotropy"], scene) if t.branch.label.endswith("isotropic = False")]
+    made = Scene(replace(scene.readings, measured=predict(scene, (way,), np.array([weight]))), scene.retraced)
+    fitter = Fitter(made)
+    starts = fitter.scan_starts(way, MIDDLE)
+    fit = fitter.fit((way,), starts[0][1], MIDDLE)
+    assert fit.theta == pytest.approx([weight], abs=0.02)
+    fitter.weigh([fit, nothing := fitter.fit((), np.zeros(0), MIDDLE)])
+    assert fit.log_evidence > nothing.log_evidence + 20.0
 
 
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
