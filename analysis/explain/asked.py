@@ -62,7 +62,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
 
 def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
-    if _absurd(h.fit):
+    if absurd(h.fit):
         return NEVER
     if blurs(h.fit):
         return NAME_FIRST_FAR
@@ -86,8 +86,6 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
     times = THIRD if len(base.ids) > 1 else 1.0
-    if _absurd(best.fit, new):
-        return NEVER
     if blurs(best.fit, new):
         return times * NAME_FIRST_FAR + left
     if random and found.pictures:
@@ -112,7 +110,7 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:
     """How many nats more than others a single is asked for: by so much less it speaks against another name."""
     cloud = any(x.wander is CLOUD for x in h.wanders) and CLOUD.name not in found.shown
-    return _first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or blurs(h.fit) or _absurd(h.fit) else 0.0
+    return _first(h, found, 1.0) - NAME_FIRST_BELOW if cloud or blurs(h.fit) or absurd(h.fit) else 0.0
 
 
 def share_of_few(search: Search) -> float:
@@ -148,7 +146,7 @@ def blurs(fit: Fit, only: str = "") -> bool:
     return any(t.mechanism.blurs(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)
 
 
-def _absurd(fit: Fit, only: str = "") -> bool:
+def absurd(fit: Fit, only: str = "") -> bool:
     """Whether a change (of one mechanism ``only``) is one that nothing makes (`Mechanism.absurd`)."""
     mine = [(t, k) for t, k in fit.placed if only in {"", t.mechanism.id}]
     return any(t.mechanism.absurd(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)

@@ -156,6 +156,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     extra = search.allowed(base)
     alone = search.reweighed(base, extra)
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
+    candidates = [h for h in candidates if not asked.absurd(h.fit, h.ids[-1])]
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not asked.is_a_moment(h)]

@@ -156,7 +156,7 @@ def test_a_sun_without_any_disc_is_never_named_and_no_rival(arm: Scene) -> None:
     nothing = _hypothesis(arm, 0.0)
     sun.fit.theta = np.array([1.0, 4.0])
     found = Conclusion(other, nothing, [sun, other])
-    assert asked.first(sun, found, 1.0) == asked.beside(sun, other, found, "circumsolar-aureole", False) == NEVER
+    assert asked.first(sun, found, 1.0) == NEVER
     decide(found, 1.0)
     assert found.probability["gamma-offset"] > 0.94
     _on_another_lens(Conclusion(sun, nothing, []), of_case=True)
