@@ -38,6 +38,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     NEVER,
+    RIGHT_LENS,
     THIRD,
     WRONG_LENS,
 )
@@ -66,8 +67,10 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NEVER
     if blurs(h.fit):
         return NAME_FIRST_FAR
-    if any(t.mechanism.stage in doubtful or t.mechanism.like_a_lens or t.tests is not None for t in h.fit.terms):
+    if any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
+    if any(t.mechanism.like_a_lens for t in h.fit.terms):
+        return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS
     if h.wanders:
         usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else few * NAME_FIRST_RANDOM
         return NAME_FIRST if h.ids[-1] in found.shown else usual

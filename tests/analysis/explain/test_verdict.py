@@ -163,6 +163,37 @@ def test_a_sun_without_any_disc_is_never_named_and_no_rival(arm: Scene) -> None:
     assert asked.first(sun, found, 1.0) < NAME_FIRST_FAR
 
 
+def test_a_sun_without_any_disc_stands_in_no_seconds_way(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search(Fitter(arm))
+    name, nothing = _hypothesis(arm, 500.0, "c-handedness"), _hypothesis(arm, 0.0)
+    both = [_hypothesis(arm, gain, "c-handedness", m) for m, gain in (("circumsolar-aureole", 90.0), ("lens-haze", 70))]
+    both[0].fit.terms = (both[0].fit.terms[0], replace(both[0].fit.terms[1], branch=Branch("halfway", "halfway")))
+    monkeypatch.setattr(search, "beside", lambda *_: both)
+    monkeypatch.setattr(search, "allowed", lambda *_: ())
+    monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
+    monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
+    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    for fraction, told in ((0.5, "circumsolar-aureole"), (1.0, "lens-haze")):
+        one = len(both[0].fit.terms[0].parameters)
+        both[0].fit.theta = np.array([0.0] * one + [fraction, 5.0])
+        both[1].fit.theta = np.zeros(one + 1)
+        found = Conclusion(name, nothing, [name])
+        _grow(search, found)
+        assert {new for _, new in found.shares} == {told}
+
+
+@pytest.mark.parametrize(("lens", "least"), [(0.5, NAME_FIRST_BELOW), (1.0, NAME_FIRST_LENS)])
+def test_what_looks_like_a_lens_is_asked_less_where_the_simulated_lens_is_right(
+    arm: Scene, lens: float, least: float
+) -> None:
+    """Not what acts alike on all readings under one sun."""
+    nothing = _hypothesis(arm, 0.0)
+    for name, needed in (("lens-haze", least), ("sky-sun-ratio", NAME_FIRST_LENS)):
+        h = _hypothesis(arm, 20.0, name)
+        h.fit.hyper = Hyper(1.0, 1.0, lens)
+        assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == needed
+
+
 def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
     found = _decided(arm, ("c-offset", 200.0), ("gamma-offset", 195.0), ("near-field", 20.0))
     assert found.verdict == "unexplained"
