@@ -5,6 +5,7 @@ from typing import Final
 from analysis.explain import asked
 from analysis.explain.conclusion import Conclusion, flattens, of_optics
 from analysis.explain.families import UNREST
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.goniometer import NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
@@ -16,8 +17,9 @@ _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
 
 
 def than(found: Conclusion, rival: tuple[str, ...]) -> float:
-    """How much likelier the first name is than a rival that gains as much."""
-    return _ends(found, rival) + _brought(found, rival) + _beside(found, rival)
+    """How much likelier the first name is than a rival that gains as much; of a set, than what it has in its place."""
+    instead = tuple(m for m in rival if m not in found.best.ids)
+    return _ends(found, instead) + _brought(found, instead) + _beside(found, instead)
 
 
 def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
@@ -48,6 +50,15 @@ def _beside(found: Conclusion, rival: tuple[str, ...]) -> float:
     """How much likelier the first name is than a rival for what they are (`by_itself`)."""
     first = found.best.first
     return by_itself(found, first, rival) - (by_itself(found, rival[0], (first,)) if len(rival) == 1 else 0.0)
+
+
+def beside(h: Hypothesis, other: Hypothesis) -> float:
+    """How much likelier what one set adds to a first name is than what another adds."""
+    names = h.ids[-1], other.ids[-1]
+    if Nonlinearity.id not in names or not _ENDS & set(names):
+        return 0.0
+    bent, sign = (h, -1.0) if names[0] == Nonlinearity.id else (other, 1.0)
+    return sign * FLATTENS if flattens(bent) else 0.0
 
 
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:

@@ -125,12 +125,13 @@ def share_of(
 ) -> float:
     """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate.
 
-    Those that are ``unseen`` (`Conclusion.unseen`) are less likely.
+    Those that are ``unseen`` (`Conclusion.unseen`) are less likely, and so is what is the less likely of two alike.
     """
     (new,) = set(best.ids) - set(base.ids)
     nats = temper(gain, nat)
-    added = [(set(h.ids) - set(base.ids), h.evidence) for h in candidates]
-    others = [e - LIKELIER * nats * bool(ids & unseen) for ids, e in added if not ids & {new, *doubles(new)}]
+    added = [(set(h.ids) - set(base.ids), h) for h in candidates]
+    rivals = [(ids, h) for ids, h in added if not ids & {new, *doubles(new)}]
+    others = [h.evidence - nats * (LIKELIER * bool(ids & unseen) + likelier.beside(best, h)) for ids, h in rivals]
     return float(expit((best.evidence - max(others, default=base.evidence)) / nats))
 
 
