@@ -20,6 +20,8 @@ from analysis.explain.thresholds import (
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
+    NAME_FIRST_BELOW,
+    NAME_SECOND_BELOW,
     RUNNER_UP,
     SHOWN,
     TEMPER,
@@ -50,6 +52,8 @@ def conclude(search: Search) -> Conclusion:
     if named:
         found.best = first_of(named, found)
         _grow(search, found)
+    elif not found.one_instrument:
+        _name_two_together(search, found, few)
     _look_for_unnamed(search, found)
     decide(found, few)
     if name_the_sure(found):
@@ -151,6 +155,20 @@ def _grow(search: Search, found: Conclusion) -> None:
         bases = [best]
 
 
+def _name_two_together(search: Search, found: Conclusion, few: float) -> None:
+    """Where no name gains enough by itself, two may that together gain it and each beside the other what a second must.
+
+    Two that act together hide each other: either alone leaves what the other does, and counts for less beside that.
+    """
+    nothing = found.nothing.evidence
+    bases = [h for h in found.singles[:BASES] if not h.wanders and h.evidence - nothing > NAME_FIRST_BELOW]
+    grown = [g[1] for base in bases if not asked.absurd(base.fit) and (g := _one_more(search, found, base)) is not None]
+    alone = {h.ids[0]: h.evidence for h in reversed(found.singles) if len(h.ids) == 1}
+    told = [h for h in grown if h.evidence - nothing > asked.first(h, found, few)]
+    told = [h for h in told if min(h.evidence - alone.get(m, nothing) for m in h.ids) > NAME_SECOND_BELOW]
+    found.best = max(told, key=lambda h: h.evidence, default=found.nothing)
+
+
 def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[float, Hypothesis] | None:
     """``base`` with one mechanism more, if that is accepted; evidence is put on the common scale of `Conclusion`."""
     extra = search.allowed(base)
@@ -166,8 +184,10 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    share = found.shares[(frozenset(base.ids), new)] = share_of(best, base, candidates, gain, found.nat, found.unseen)
+    share = share_of(best, base, candidates, gain, found.nat, found.unseen)
     needed = asked.beside(best, base, found, new, random, share)
+    # what gains too little to be told does not say either that others would do as well
+    found.shares[frozenset(base.ids), new] = share if gain >= needed else 1.0
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None

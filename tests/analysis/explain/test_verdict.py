@@ -7,8 +7,8 @@ import pytest
 from scipy.special import expit
 
 import analysis.explain.conclude as conclusions
-from analysis.explain import asked
-from analysis.explain.conclude import _grow, _wandering_beside, conclude
+from analysis.explain import asked, likelier
+from analysis.explain.conclude import _grow, _name_two_together, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -233,6 +233,8 @@ def test_a_response_that_flattens_is_a_range_that_ends(arm: Scene, bend: float, 
         found = Conclusion(first, _hypothesis(arm, 0.0), [first, second])
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
+        beside = [replace(h, fit=replace(h.fit)) for h in (first, second)]
+        assert share_of(beside[0], found.nothing, beside, 40.0) == pytest.approx(expit(sure), abs=1e-6)
 
 
 @pytest.mark.parametrize(("units", "told"), [(0.0, "meter-tilt"), (2.0, "meter-tilt"), (3.0, "clock-offset")])
@@ -617,6 +619,59 @@ def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, mo
         bases.clear()
         _grow(search, Conclusion(name, nothing, [name, cloud], readings=1280))
         assert set(bases) == sought
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "together", "told"),
+    [
+        (40.0, 35.0, 75.0, True),
+        (40.0, 35.0, 60.0, False),  # not enough for so wrong a lens
+        (40.0, 60.0, 70.0, False),  # the one gains too little beside the other
+    ],
+)
+def test_two_that_gain_too_little_alone_may_be_told_together(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, first: float, second: float, together: float, told: bool
+) -> None:
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), _hypothesis(arm, 0.0)
+    singles = [_hypothesis(arm, first, "saturation"), _hypothesis(arm, second, "cosine-response")]
+    both = _hypothesis(arm, together, "saturation", "cosine-response")
+    for h in (*singles, both):
+        h.fit.hyper = Hyper(2.0, 1.0, 2.5)
+    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: (together - base.evidence, both))
+    found = Conclusion(nothing, nothing, singles)
+    assert all(asked.first(h, found, 1.0) > h.evidence for h in singles)
+    _name_two_together(search, found, 1.0)
+    assert found.best.ids == (both.ids if told else ())
+
+
+def test_what_stands_in_the_place_of_a_name_in_a_set_is_weighed_as_it_is_alone(arm: Scene) -> None:
+    """A room and a turned arm against a leak that follows the daylight and a turned arm."""
+    room, leak = (_hypothesis(arm, 200.0, name) for name in ("room-interreflection", "stray-light"))
+    leak.fit.terms = tuple(t for t in terms_of(BY_ID["stray-light"], arm) if t.branch.facts)[:1]
+    both = _hypothesis(arm, 280.0, "room-interreflection", "gamma-offset")
+    found = Conclusion(both, _hypothesis(arm, 0.0), [room, leak])
+    assert likelier.than(found, ("stray-light", "gamma-offset")) == likelier.than(found, ("stray-light",))
+    assert likelier.than(found, ("stray-light", "gamma-offset")) == ROOM_OR_LEAK
+
+
+@pytest.mark.parametrize(("gain", "share"), [(5.0, 1.0), (60.0, 0.5)])
+def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, share: float
+) -> None:
+    search, nothing = Search(Fitter(arm)), _hypothesis(arm, 0.0)
+    name = _hypothesis(arm, 100.0, "c-offset")
+    both = [_hypothesis(arm, gain, "c-offset", m) for m in ("gamma-offset", "cosine-response")]
+    for h in both:
+        h.fit.theta = np.zeros(len(h.fit.parameters))
+    monkeypatch.setattr(search, "beside", lambda *_: both)
+    monkeypatch.setattr(search, "allowed", lambda *_: ())
+    monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
+    monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
+    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    found = Conclusion(name, nothing, [name])
+    _grow(search, found)
+    assert found.best is name
+    assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): share}
 
 
 def test_a_clock_that_is_off_by_seconds_is_none(roof: Scene) -> None:
