@@ -1,6 +1,7 @@
 """Sun and sky: what of the source a prediction may leave out."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
@@ -16,6 +17,10 @@ _ABOUT = Parameter(
 _BEAM = 0.005
 """Share of the diffuse illuminance above which there is a beam that a change of it moves light to, or from: an overcast
 sky of 9,609 lx, 9,447 of them diffuse, has a beam when a fifth of these is not."""
+
+
+_SHONE = 0.1
+"""Share of the diffuse illuminance that the beam had where the sun shone."""
 
 
 class SkySunRatio(Mechanism):
@@ -46,9 +51,15 @@ class SkySunRatio(Mechanism):
         return "" if scene.knows_split else "global and diffuse illuminance are not given for every test"
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A share of the sky; where a shaded meter was read, also one of the beam, or of the sky about the sun."""
+        """A share of the sky; where a shaded meter was read, also one of the beam, or of the sky about the sun.
+
+        Of an arm, of all skies, or of those alone under which the sun shone: what a disc hides wrongly is none of an
+        overcast sky.
+        """
         if not np.any(scene.remember(beam_behind_disc) > 0.0):
-            return (Branch(),)
+            shone = _sun_shone(scene)
+            some = not scene.on_the_roof and np.any(shone) and not np.all(shone)
+            return (Branch(), Branch("where the sun shone", "shone")) if some else (Branch(),)
         return Branch(), Branch("through the shading disc", "disc"), Branch("about the shading disc", "ring")
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
@@ -58,7 +69,7 @@ class SkySunRatio(Mechanism):
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Move light between the parts at constant global illuminance: on a roof the shaded meter alone shows it."""
         behind = scene.remember(beam_behind_disc)
-        if branch.value:
+        if branch.value in {"disc", "ring"}:
             sky = np.maximum(scene.readings.sky, 1e-9)
             of_the_sky = behind / sky if branch.value == "disc" else np.where(behind > 0.0, scene.sky_flux.about, 0.0)
             light.sky_factor = light.sky_factor * np.maximum(1.0 + p[0] * of_the_sky, 0.0)
@@ -68,21 +79,27 @@ class SkySunRatio(Mechanism):
             light.sky_factor = light.sky_factor * np.where(shaded, 1.0 + p[0], 1.0)
             return
         diffuse, beam = scene.readings.diffuse_lx, scene.beam_lx
-        lost = np.divide(p[0] * diffuse, beam, out=np.zeros_like(beam), where=beam > _BEAM * diffuse)
+        change = p[0] * (_sun_shone(scene) if branch.value else np.ones(len(diffuse)))
+        lost = np.divide(change * diffuse, beam, out=np.zeros_like(beam), where=beam > _BEAM * diffuse)
         light.sun_factor = light.sun_factor * np.maximum(1.0 - lost, 0.0)[scene.readings.test]
-        light.sky_factor = light.sky_factor * (1.0 + p[0])
+        light.sky_factor = light.sky_factor * (1.0 + change)[scene.readings.test]
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
         more = "more" if p[0] > 0 else "less"
         if branch.value == "ring":
             return f"The shaded meter saw {more} of the sky about the sun than assumed: its disc hides another cone."
-        if branch.value:
+        if branch.value == "disc":
             return f"The shaded meter saw {abs(p[0]):.1%} of the beam {more} than assumed: its disc hides another cone."
         return (
             f"The sky gave {abs(p[0]):.0%} {more} light than assumed, and the sun correspondingly "
-            f"{'less' if p[0] > 0 else 'more'}."
+            f"{'less' if p[0] > 0 else 'more'}{', where it shone' if branch.value else ''}."
         )
+
+
+def _sun_shone(scene: Scene) -> NDArray[np.bool_]:
+    """Tests (T,) with a beam."""
+    return np.asarray(scene.beam_lx > _SHONE * scene.readings.diffuse_lx)
 
 
 def beam_behind_disc(scene: Scene) -> Floats:
