@@ -20,6 +20,7 @@ from analysis.explain.thresholds import (
     LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
+    LIKELIER,
     NAME_FIRST_BELOW,
     NAME_SECOND_BELOW,
     RUNNER_UP,
@@ -178,7 +179,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not asked.is_a_moment(h)]
-    best = max(seen or candidates, key=lambda h: h.evidence)
+    best = _likeliest(found, seen or candidates, base, alone)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
@@ -199,6 +200,16 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     best.added_to = base.first
     best.evidence = base.evidence + gain
     return gain, best
+
+
+def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis, alone: float) -> Hypothesis:
+    """The best of what could be added to ``base``, which has some evidence ``alone``.
+
+    No instrument that no reading is of, if another is hardly behind it.
+    """
+    nats = found.temper(max(h.evidence for h in candidates) - alone)
+    unread = found.unseen - set(base.ids)
+    return max(candidates, key=lambda h: h.evidence - LIKELIER * nats * bool(unread & set(h.ids)))
 
 
 def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:

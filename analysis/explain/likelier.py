@@ -11,7 +11,15 @@ from analysis.explain.mechanisms.goniometer import NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import Nonlinearity
-from analysis.explain.thresholds import AS_WELL, FLATTENS, NEAR_OR_BLURRED, OF_CASE_ODDS, ROOM_OR_LEAK, TILTED_OR_LATE
+from analysis.explain.thresholds import (
+    AS_WELL,
+    FLATTENS,
+    LIKELIER,
+    NEAR_OR_BLURRED,
+    OF_CASE_ODDS,
+    ROOM_OR_LEAK,
+    TILTED_OR_LATE,
+)
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
 
@@ -75,3 +83,8 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
         return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
     return 0.0
+
+
+def seen(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
+    """Log odds of one name against another for what was read: an instrument that no reading is of is less likely."""
+    return LIKELIER * (float(bool(found.unseen & set(other))) - float(name in found.unseen))

@@ -49,12 +49,14 @@ _GAINS = frozenset({"meter-gain", "channel-gain"})
 def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
     """The first name of those with the evidence for one, best first: the best.
 
-    But that which is likelier than the best (`likelier.by_itself`) if the best is hardly ahead of it.
+    But that which is likelier than the best (`likelier.by_itself`, `likelier.seen`) if the best is hardly ahead of it.
     """
     best = named[0]
     nats = found.temper(best.evidence - found.nothing.evidence)
     for other in named[1:]:
-        if best.evidence - other.evidence < likelier.by_itself(found, other.ids[0], best.ids) * nats:
+        name = other.ids[0]
+        odds = likelier.by_itself(found, name, best.ids) + likelier.seen(found, name, best.ids)
+        if best.evidence - other.evidence < odds * nats:
             return other
     return best
 

@@ -8,7 +8,7 @@ from scipy.special import expit
 
 import analysis.explain.conclude as conclusions
 from analysis.explain import asked, likelier
-from analysis.explain.conclude import _grow, _name_two_together, _wandering_beside, conclude
+from analysis.explain.conclude import _grow, _likeliest, _name_two_together, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion, Unnamed, of_another_lens, temper
 from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
@@ -725,6 +725,23 @@ def test_a_sun_without_a_disc_that_is_hardly_ahead_of_a_near_field_is_one(
         lead = units * temper(100.0) / found.temper(found.best.evidence)
         ahead = NEAR_OR_BLURRED - lead if told == "near-field" else lead - NEAR_OR_BLURRED
         assert found.probability[told] == pytest.approx(RELIABLE * float(expit(ahead)), abs=1e-6)
+
+
+@pytest.mark.parametrize(("units", "told"), [(0.5 * LIKELIER, "sky-sun-ratio"), (1.5 * LIKELIER, "meter-gain")])
+def test_a_meter_that_no_reading_shows_is_told_only_well_ahead_of_what_does_alike(
+    arm: Scene, units: float, told: str
+) -> None:
+    """As a first name, and beside another."""
+    nothing = _hypothesis(arm, 0.0)
+    meter = _hypothesis(arm, 300.0, "meter-gain")
+    split = _hypothesis(arm, 300.0 - units * temper(300.0), "sky-sun-ratio")
+    found = Conclusion(meter, nothing, [meter, split], unseen=frozenset({"meter-gain", "meter-tilt"}))
+    assert first_of([meter, split], found).ids == (told,)
+    assert _likeliest(found, [meter, split], nothing, 0.0).ids == (told,)
+    assert first_of([meter, split], Conclusion(meter, nothing, [meter, split])).ids == ("meter-gain",)
+    tilted = _hypothesis(arm, 100.0, "meter-tilt")
+    both = [_hypothesis(arm, h.evidence, "meter-tilt", *h.ids) for h in (meter, split)]
+    assert _likeliest(found, both, tilted, 0.0).ids[-1] == told
 
 
 @pytest.mark.parametrize(("way", "odds"), [("following the daylight", ROOM_OR_LEAK), ("constant", 0.0)])
