@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from analysis.cases.model import Floats
 from analysis.explain.fit import Fit
 from analysis.explain.lens_error import SUN_S_PER_DEG
-from analysis.explain.noise import GAIN_OF_TESTS, USUAL, source_wander
+from analysis.explain.noise import USUAL, source_wander
 from analysis.explain.readings import GONIOMETER
 from analysis.explain.scene import Scene
 from analysis.explain.wander import Wandering
 
 NADIR_DEG = 2.0
 """Directions closer to nadir than this are one direction."""
+COMMON = 1.0
+"""A relative error of all repeats of a test says nothing of a source that changes within it."""
 _FEWEST = 6
 _RAMP_PER_DEG = 0.15
 """Relative change at nadir for a degree of the sun's way: the edge of a sun's image may pass."""
@@ -74,11 +76,10 @@ def _repeated(scene: Scene) -> list[NDArray[np.int64]]:
 
 
 def _plain(scene: Scene, fit: Fit, rows: NDArray[np.int64]) -> Floats:
-    """Covariance of repeats of one direction under a steady source: noise, a common error, the sun's own way, and what
-    daylight usually wanders."""
+    """Covariance of repeats of one direction under a steady source: noise, any common error, the sun's own way, and
+    what daylight usually wanders."""
     r, usual = scene.readings, USUAL[GONIOMETER]
     noise = (r.noise[rows] / r.scale[rows]) ** 2 + (fit.hyper.scatter * usual.scatter) ** 2
-    common = GAIN_OF_TESTS**2 + (2.0 * fit.hyper.shape * usual.shape) ** 2
     way = _RAMP_PER_DEG * (r.utc_ns[rows] - r.utc_ns[rows].mean()) / 1e9 / SUN_S_PER_DEG
     wander = source_wander(r, rows)
-    return np.asarray(np.diag(noise + 1e-8) + common + np.outer(way, way) + wander)
+    return np.asarray(np.diag(noise + 1e-8) + COMMON**2 + np.outer(way, way) + wander)

@@ -69,6 +69,18 @@ def test_readings_of_nadir_that_wander_as_daylight_does_show_no_cloud(
     assert gain(tmp_path / "steady", 0.012) > SHOWN > calm
 
 
+def test_a_gain_of_a_test_is_no_cloud(tmp_path: Path) -> None:
+    """Another level of all readings of nadir says nothing of what changed in between; a slow cloud could be one."""
+    scene = Scene(Readings.of(make_case(tmp_path, tests=TESTS[::2])))
+    fit = Fitter(scene).fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
+    found = []
+    for level in (0.0, 0.2):
+        moved = replace(fit, residual=fit.residual + level)
+        found.append(repeats(scene, moved, Wandering(CLOUD, 0.25, 140.0)))
+    assert found[0].contradict and found[1].contradict
+    assert found[1].gain == pytest.approx(found[0].gain, abs=1.0)
+
+
 def test_what_is_named_is_not_said_to_be_ruled_out(arm: Scene) -> None:
     """Readings of nadir that show a cloud beside nothing, and would not beside another name, do not rule it out."""
     nothing = Hypothesis(Fitter(arm).fit((), np.zeros(0), Hyper(1.0, 1.0)), 0.0)
