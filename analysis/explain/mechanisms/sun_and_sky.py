@@ -54,12 +54,10 @@ class SkySunRatio(Mechanism):
         """A share of the sky; where a shaded meter was read, also one of the beam, or of the sky about the sun.
 
         Of an arm, of all skies, or of those alone under which the sun shone: what a disc hides wrongly is none of an
-        overcast sky.
+        overcast sky. (Both also where it shone always: what was found elsewhere may be applied there.)
         """
         if not np.any(scene.remember(beam_behind_disc) > 0.0):
-            shone = _sun_shone(scene)
-            some = not scene.on_the_roof and np.any(shone) and not np.all(shone)
-            return (Branch(), Branch("where the sun shone", "shone")) if some else (Branch(),)
+            return (Branch(),) if scene.on_the_roof else (Branch(), Branch("where the sun shone", "shone"))
         return Branch(), Branch("through the shading disc", "disc"), Branch("about the shading disc", "ring")
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:

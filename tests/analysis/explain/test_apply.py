@@ -45,6 +45,16 @@ def test_a_fitted_level_stays_that_of_the_fit(tmp_path: Path) -> None:
     assert corrected(tmp_path / "case", what) == pytest.approx(500.0 * (bare / 500.0) ** 1.1, rel=1e-5)
 
 
+def test_a_split_found_where_the_sun_shone_acts_where_it_shone_always(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False)
+    some, every = (
+        corrected(tmp_path / "case", model("sky-sun-ratio", way, ["diffuse_change"], [0.1]))
+        for way in ("where the sun shone", "")
+    )
+    assert some == pytest.approx(every, rel=1e-9)
+    assert not np.allclose(some, light(rows_of(WITHHELD)), rtol=1e-3)
+
+
 def test_what_the_case_lacks_is_said(tmp_path: Path) -> None:
     make_case(tmp_path / "case", tests=WITHHELD, measured=False, without=("room",))
     what = model("room-interreflection", "", ["wall_reflectance", "floor_reflectance"], [0.1, 0.0])
