@@ -7,7 +7,6 @@ from analysis.explain.conclusion import Conclusion, flattens, of_optics
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
-from analysis.explain.mechanisms.base import Branch
 from analysis.explain.mechanisms.dirt import Soiling
 from analysis.explain.mechanisms.goniometer import NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
@@ -88,12 +87,9 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
         return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
     if pair == (WallReflectance.id, Soiling.id) and other[0] in alone:
-        return WALL_OR_DIRT if any(map(Soiling.on_one_of_several, _ways(alone[other[0]]))) else 0.0
+        ways = (t.branch for t in alone[other[0]].fit.terms)
+        return WALL_OR_DIRT if any(map(Soiling.on_one_of_several, ways)) else 0.0
     return 0.0
-
-
-def _ways(h: Hypothesis) -> list[Branch]:
-    return [t.branch for t in h.fit.terms]
 
 
 def seen(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
