@@ -13,6 +13,8 @@ from labdaq import directions
 _PER_TIME = 5.0
 """Nodes of a rough function of time in each of its times."""
 _RESTLESS_ROWS = 250
+_CLOUD_IN_CLEAR = 0.12
+"""What passes the sun in a test that was called clear, over what passes under broken cloud: thin veils at most."""
 
 
 def sun_share(scene: Scene) -> Floats:
@@ -28,8 +30,19 @@ def loud(scene: Scene) -> Floats:
     return np.asarray(np.abs(scene.readings.measured) / scene.readings.scale)
 
 
+def cloud_share(scene: Scene) -> Floats:
+    """Share of each row's prediction that a passing cloud changes, as far as the test's sky has clouds; shape (N,).
+
+    The sun part under broken cloud; all light where the sky is overcast, and the cloud itself is the source.
+    """
+    r = scene.readings
+    skies = np.array([test.sky or "" for test in r.case.tests])[r.test]
+    broken = sun_share(scene) * np.where(skies == "clear", _CLOUD_IN_CLEAR, 1.0)
+    return np.where(skies == "overcast", loud(scene), broken)
+
+
 def in_time(scene: Scene, seconds: float) -> Floats:
-    """The sun's brightness as a smooth random function of time within each test."""
+    """The source's brightness as a smooth random function of time within each test."""
     return _within_tests(scene, partial(_smoothly, seconds=seconds))
 
 
@@ -39,7 +52,7 @@ def roughly_in_time(scene: Scene, seconds: float) -> Floats:
 
 
 def _within_tests(scene: Scene, made: Callable[[Floats], Floats]) -> Floats:
-    """Effects on the sun's part that know nothing from test to test; ``made`` gives those (n, K) at times (n,) [s]."""
+    """Effects on the source that know nothing from test to test; ``made`` gives those (n, K) at times (n,) [s]."""
     r = scene.readings
     t = r.utc_ns / 1e9
     parts = []
@@ -49,7 +62,7 @@ def _within_tests(scene: Scene, made: Callable[[Floats], Floats]) -> Floats:
         part = np.zeros((len(r), effects.shape[1]))
         part[rows] = effects
         parts.append(part)
-    return np.concatenate(parts, axis=1) * sun_share(scene)[:, None]
+    return np.concatenate(parts, axis=1) * cloud_share(scene)[:, None]
 
 
 def _smoothly(t: Floats, seconds: float) -> Floats:

@@ -28,12 +28,15 @@ class Drift:
         Compass direction the cloud comes from [deg].
     seed
         Which clouds.
+    spans_ns
+        Recorded times from and to which clouds pass at all [ns]; empty: always.
     """
 
     depth: float
     crossing_s: float = 45.0
     wind_from_deg: float = 250.0
     seed: int = 0
+    spans_ns: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ class FaultedLight:
         true_ns = utc_ns + round(self.faults.clock_s * NS)
         value = self.light.luminance(directions, true_ns) * (1.0 + self._shift(true_ns))
         if self.faults.drift is not None:
-            value = value * (1.0 + 0.5 * self._veil.at(directions, true_ns))
+            value = value * (1.0 + 0.5 * self._passing(directions, true_ns))
         if self.faults.skyline is not None:
             wall = self.faults.skyline[3] * self.diffuse(true_ns) / math.pi
             value = np.where(self._hidden(directions), wall, value)
@@ -135,7 +138,14 @@ class FaultedLight:
         if self.faults.drift is None:
             return 1.0
         sun = self.light.sun(true_ns).direction
-        return float(1.0 + self._veil.at(sun[None], true_ns)[0])
+        return float(1.0 + self._passing(sun[None], true_ns)[0])
+
+    def _passing(self, directions: Floats, true_ns: int) -> Floats:
+        assert self.faults.drift is not None
+        spans, read_ns = self.faults.drift.spans_ns, true_ns - round(self.faults.clock_s * NS)
+        if spans and not any(start <= read_ns <= end for start, end in spans):
+            return np.zeros(directions.shape[:-1])
+        return self._veil.at(directions, true_ns)
 
     @cached_property
     def _veil(self) -> "_Veil":

@@ -94,6 +94,8 @@ def make(order: Order, shelf: Shelf) -> Made:
             DESIGNS[d].round or d in TURNED for d in drawn.systems.values()
         ):
             continue
+        if "cloud-drift" in order.conceal and all(t.sky == "clear" for t in drawn.tests):
+            continue
         if "backlash" in order.conceal and np.all(np.diff(drawn.planes_deg) > 0):
             continue
         station = Station(drawn, shelf, rng)

@@ -63,15 +63,17 @@ def circumsolar_aureole(rng: np.random.Generator, station: Station) -> GonioDial
 
 
 def cloud_drift(rng: np.random.Generator, station: Station) -> GonioDial:
-    """Thin cloud crosses the sun while the arm moves."""
+    """Thin cloud crosses the sun while the arm moves, in the tests whose sky was not clear."""
     crossing, wind, seed = float(rng.uniform(15, 90)), float(rng.uniform(0, 360)), int(rng.integers(1 << 30))
+    cloudy = [t for t in station.campaign.tests if t.sky != "clear"]
+    spans = tuple((t.start_ns, t.end_ns) for t in cloudy)
 
     def drift(s: SourceFaults, x: float) -> SourceFaults:
-        return replace(s, drift=Drift(0.3 * x, crossing, wind, seed) if x > 0.0 else None)
+        return replace(s, drift=Drift(0.3 * x, crossing, wind, seed, spans) if x > 0.0 else None)
 
     def report(x: float) -> Parameters:
         rms = []
-        for test in station.campaign.tests:
+        for test in cloudy:
             light = drift(SourceFaults(), x).over(test.light)
             passed = np.array([light.transmission(int(t)) for t in test.times_ns[:, 0]])
             rms.append(np.std(passed / passed.mean()))

@@ -21,6 +21,8 @@ from analysis.explain.wander import Wandering
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, make_case
 
+BROKEN = tuple(replace(test, sky="partly-cloudy") for test in TESTS[::2])
+
 
 def test_readings_soon_after_each_other_err_together(arm: Scene) -> None:
     r = arm.readings
@@ -58,7 +60,7 @@ def test_readings_of_nadir_that_wander_as_daylight_does_show_no_cloud(
     """Of a sky that wanders by 1.2 % they say nothing, and did while a steady one was supposed; of 5 % what is so."""
 
     def gain(folder: Path, sd: float) -> float:
-        scene = Scene(Readings.of(make_case(folder, effects.clouds(sd, 45.0), tests=TESTS[::2])))
+        scene = Scene(Readings.of(make_case(folder, effects.clouds(sd, 45.0), tests=BROKEN)))
         fitter = Fitter(scene)
         fit = fitter.fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
         return repeats(scene, fit, Wandering(CLOUD, sd, 45.0)).gain
@@ -71,7 +73,7 @@ def test_readings_of_nadir_that_wander_as_daylight_does_show_no_cloud(
 
 def test_a_gain_of_a_test_is_no_cloud(tmp_path: Path) -> None:
     """Another level of all readings of nadir says nothing of what changed in between; a slow cloud could be one."""
-    scene = Scene(Readings.of(make_case(tmp_path, tests=TESTS[::2])))
+    scene = Scene(Readings.of(make_case(tmp_path, tests=BROKEN)))
     fit = Fitter(scene).fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
     found = []
     for level in (0.0, 0.2):

@@ -129,6 +129,16 @@ def test_drifting_cloud_moves_and_has_its_depth(light: PerezLight) -> None:
     assert again.transmission(TEST_18) == cloudy.transmission(TEST_18)
 
 
+def test_clouds_pass_only_in_their_spans_by_the_clock_of_the_record(light: PerezLight) -> None:
+    span = (TEST_18, TEST_18 + 60 * NS)
+    late = SourceFaults(clock_s=600.0, drift=Drift(0.1, seed=4, spans_ns=(span,))).over(light)
+    true_ns, up = TEST_18 + 600 * NS, sky_vector(60.0, 80.0)[None]
+    assert late.transmission(true_ns + 30 * NS) != 1.0
+    assert late.transmission(true_ns + 90 * NS) == late.transmission(TEST_18 + 30 * NS) == 1.0
+    without = SourceFaults(clock_s=600.0).over(light)
+    assert late.luminance(up, TEST_18 + 90 * NS) == without.luminance(up, TEST_18 + 90 * NS)
+
+
 def test_a_skyline_hides_what_lies_behind_it(light: PerezLight) -> None:
     built = SourceFaults(skyline=(60.0, 110.0, 40.0, 0.2)).over(light)
     assert built.sun(TEST_18).normal_lx == 0.0
