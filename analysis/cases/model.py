@@ -14,6 +14,9 @@ from analysis.photometry.distribution import Distribution
 from analysis.photometry.lm63 import read_lm63
 from labdaq.errors import DataError
 
+USUAL_ARM_M = 2.6
+"""Distance of the sensors where a case does not give it [m]: the report's arm (its chapter 5)."""
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -53,7 +56,7 @@ class Room(_Part):
 class Goniometer(_Part):
     """The arm: distance from the aperture's centre to each sensor [m], its angles, the shields' half angle [deg]."""
 
-    distance_m: _Positive
+    distance_m: _Positive | None = None
     gammas_deg: tuple[float, ...] = ()
     c_planes_deg: tuple[float, ...] = ()
     sensor_half_angle_deg: Annotated[float, Field(gt=0, le=90)] = 90.0
@@ -179,6 +182,11 @@ class CaseFile(_Part):
     channel: Annotated[tuple[Channel, ...], Field(min_length=1)]
     test: Annotated[tuple[Test, ...], Field(min_length=1)]
     variant: tuple[Variant, ...] = ()
+
+    @property
+    def distance_m(self) -> float | None:
+        """From the aperture's centre to each sensor of the arm [m], where the case says it."""
+        return self.goniometer.distance_m if self.goniometer else None
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def _from_table(path: Path, goniometer: Goniometer | None, noise: Noise) -> Meas
     header = [name.strip() for name in lines[0][1]] if lines else []
     _check_header(header, goniometer, problems)
     problems.raise_if_any(DataError, f"columns are {', '.join(_COLUMNS)}; candela or lux, the last three optional")
-    factor = 1.0 if "candela" in header else (goniometer.distance_m if goniometer else math.nan) ** 2
+    factor = 1.0 if "candela" in header else ((goniometer and goniometer.distance_m) or math.nan) ** 2
     rows = [_row(header, n, row, problems) for n, row in lines[1:]]
     if not rows:
         problems.add("file", "there are no readings")
@@ -160,7 +160,7 @@ def _check_header(header: list[str], goniometer: Goniometer | None, problems: Pr
             problems.add("header", f"column '{name}' is missing")
     if ("candela" in header) == ("lux" in header):
         problems.add("header", "either candela or lux is needed")
-    if "lux" in header and goniometer is None:
+    if "lux" in header and not (goniometer and goniometer.distance_m):
         problems.add("header", "lux needs the goniometer's distance_m to become candela")
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.cases.model import Floats
+from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
@@ -120,7 +120,6 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
         return None
     systems = scene.retraced.simulator.traced_systems()
     sun, sky = (np.ones((len(case.tests), len(C_DEG), len(GAMMA_DEG))) for _ in range(2))
-    assert case.setup.goniometer is not None
     for name in {t.system for t in case.tests if t.system}:
         mine = {key: value for of, key, value in settings if of in (None, name)}
         if not mine:
@@ -137,7 +136,7 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
                 system,
                 [daylight_of(case, k, late) for k in these],
                 [Change("", on_top(system, change))],
-                distance_m=case.setup.goniometer.distance_m if case.setup.goniometer else 2.6,
+                distance_m=case.setup.distance_m or USUAL_ARM_M,
                 rays=RAYS,
                 sun_samples=SUN_SAMPLES,
                 samples=SAMPLES,
@@ -186,18 +185,19 @@ class _Radiosity(Mechanism):
         setup = scene.readings.case.setup
         assert setup.room is not None
         assert setup.goniometer is not None
-        arm = setup.goniometer
+        assert setup.goniometer.distance_m is not None
+        distance_m, half_angle_deg = setup.goniometer.distance_m, setup.goniometer.sensor_half_angle_deg
         width, depth, height = setup.room.size_m
-        room = Room((width, depth, height), float(p[0]), float(p[1]), float(p[0]), arm.sensor_half_angle_deg)
+        room = Room((width, depth, height), float(p[0]), float(p[1]), float(p[0]), half_angle_deg)
         sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
         field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
         added = np.zeros_like(field)
-        rings = inside(_ROOM_GAMMA, (width, depth, height), arm.distance_m)
+        rings = inside(_ROOM_GAMMA, (width, depth, height), distance_m)
         beyond = len(_ROOM_GAMMA) - len(rings)
         for k in np.unique(scene.readings.test[scene.is_gonio]):
             closed = np.append(C_DEG, 360.0)
             far = Distribution(GAMMA_DEG, closed, np.concatenate([field[k], field[k, :1]]))
-            coarse = room.added(far, rings[None, :], _ROOM_C[:, None], arm.distance_m)
+            coarse = room.added(far, rings[None, :], _ROOM_C[:, None], distance_m)
             coarse = np.pad(np.concatenate([coarse, coarse[:1]]), ((0, 0), (0, beyond)), mode="edge")
             added[k] = Distribution(_ROOM_GAMMA, np.append(_ROOM_C, 360.0), coarse).at(
                 GAMMA_DEG[None, :], C_DEG[:, None]

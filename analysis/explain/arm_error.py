@@ -35,9 +35,9 @@ def sensor_angle_errors(scene: Scene) -> Floats:
 
 
 def arm_errors(scene: Scene) -> Floats:
-    """Independent unit effects (N, 2) on the stretched scale; (N, 0) where no arm is described."""
+    """Independent unit effects (N, 2) on the stretched scale; (N, 0) where its length is not known."""
     r, hung = scene.readings, OffCentre()
-    if scene.goniometer is None or not np.any(scene.is_gonio):
+    if scene.distance_m is None or not np.any(scene.is_gonio):
         return np.zeros((len(r), 0))
     term = (Term(hung, Branch(), hung.parameters),)
     moved = [r.stretched(predict(scene, term, sign * USUAL_M * unit)) for unit in np.eye(3)[:2] for sign in (1.0, -1.0)]

@@ -7,11 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from analysis.cases import Case
-from analysis.cases.model import Floats
+from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import GAMMA_DEG, fields_of
 from analysis.explain.file_parts import readings_of
 from analysis.explain.likeness import Likened, Predicted, likened
 from analysis.explain.ratios import Field
+from analysis.explain.readings import GONIOMETER
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
 from analysis.explain.tracing import AUREOLES_DEG, Tracing, systems_of
@@ -26,7 +27,8 @@ def simulator_of(case: Case, only: Collection[str] | None = None) -> "OwnSimulat
     """A simulator for the case, of all mechanisms or of some ``only``; ``None`` where no system or no sun is known."""
     systems = systems_of(case)
     usable = [k for k, t in enumerate(case.tests) if t.system in systems and t.sun_altitude_deg is not None]
-    return OwnSimulation(case, systems, only) if usable and case.setup.goniometer else None
+    on_an_arm = any(channel.kind == GONIOMETER for channel in case.setup.channel)
+    return OwnSimulation(case, systems, only) if usable and on_an_arm else None
 
 
 @dataclass(frozen=True)
@@ -112,14 +114,12 @@ class OwnSimulation:
 
 def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, Likened]:
     """The systems with lenses like the prediction's; where that gives only the sum, ours is one with our sky's part."""
-    if case.setup.goniometer is None:
-        return {name: Likened(system) for name, system in systems.items()}
     readings = readings_of(case, measured_only=False)
     given, tracing = fields_of(readings), Tracing(case, systems)
     sky = np.zeros_like(given.sky) if readings.has_parts else np.nan_to_num(tracing.sky_part(given.total, FEW_RAYS))
     seen = given.sun if readings.has_parts else given.total
     field: TallyField = "near" if case.setup.simulation.field == "near" else "far"
-    distance_m = case.setup.goniometer.distance_m
+    distance_m = case.setup.distance_m or USUAL_ARM_M
     whole = all(t.simulated is not None for t in case.tests)
     to_deg = 90.0 if whole else float(np.nanmax(readings.gamma_deg)) + GAMMA_DEG[1]
     predicted = {}

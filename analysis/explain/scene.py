@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cases import Case
-from analysis.cases.model import Floats, Goniometer
+from analysis.cases.model import Floats
 from analysis.explain.fields import Fields, fields_of
 from analysis.explain.file_parts import readings_of
 from analysis.explain.readings import GONIOMETER, ROOF, SKY, Readings
@@ -191,9 +191,9 @@ class Scene:
         return ROOF in self.kinds and GONIOMETER not in self.kinds
 
     @property
-    def goniometer(self) -> Goniometer | None:
-        """The arm, if the case describes it."""
-        return self.readings.case.setup.goniometer
+    def distance_m(self) -> float | None:
+        """From the aperture's centre to each sensor of the arm [m], if the case says it."""
+        return self.readings.case.setup.distance_m
 
     @cached_property
     def _nominal(self) -> Sampler:

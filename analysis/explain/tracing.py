@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from analysis.cases import Case
-from analysis.cases.model import Floats
+from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
 from analysis.explain.ratios import Field, blurred_ratio, over
@@ -130,12 +130,11 @@ class Tracing:
         """
         system = self.systems[name]
         changes = [Change("", on_top(system, dict(s))) for s in self._settings(system)] if changed else []
-        assert self.case.setup.goniometer is not None
         return variants(
             system,
             days,
             changes,
-            distance_m=self.case.setup.goniometer.distance_m,
+            distance_m=self.case.setup.distance_m or USUAL_ARM_M,
             rays=rays or int(self._share * RAYS),
             sun_samples=SUN_SAMPLES,
             samples=SAMPLES,

@@ -57,7 +57,7 @@ class NearField(Mechanism):
         case = scene.readings.case
         if case.setup.simulation.field == "near":
             return "the simulation already predicts at the sensors' distance"
-        known = scene.goniometer and all(
+        known = scene.distance_m and all(
             (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests
         )
         return "" if known else "goniometer distance and the systems' apertures are not all given"
@@ -84,7 +84,7 @@ class NearField(Mechanism):
         """The aperture's half width as the sensors see it."""
         case = scene.readings.case
         widths = [max(s.aperture.size_m or (s.aperture.diameter_m or 0.0,)) for s in case.setup.system if s.aperture]
-        distance = scene.goniometer.distance_m if scene.goniometer else np.inf
+        distance = scene.distance_m or np.inf
         return float(np.degrees(np.arctan(0.5 * max(widths, default=0.0) / distance)))
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
@@ -100,7 +100,7 @@ class NearField(Mechanism):
     @staticmethod
     def _from_far(scene: Scene, field: Floats) -> Floats:
         """What sensors at the arm's distance make of a far field (T, P, G) [cd]."""
-        assert scene.goniometer is not None
+        assert scene.distance_m is not None
         case, made = scene.readings.case, field.copy()
         for k in np.unique(scene.readings.system):
             rows = np.flatnonzero(scene.readings.system == k)
@@ -109,7 +109,7 @@ class NearField(Mechanism):
             assert system.aperture is not None
             a = system.aperture
             size = a.size_m if a.shape == "rectangle" else (a.diameter_m,)
-            matrix = _near_matrix(a.shape, tuple(float(x) for x in size or () if x), scene.goniometer.distance_m)
+            matrix = _near_matrix(a.shape, tuple(float(x) for x in size or () if x), scene.distance_m)
             made[rows] = apply_operator(matrix, field[rows])
         return made
 

@@ -41,12 +41,12 @@ class OffCentre(Mechanism):
 
     def why_not(self, scene: Scene) -> str:
         """A shift in metres needs the arm's radius."""
-        return "" if scene.goniometer else "the case does not describe the goniometer"
+        return "" if scene.distance_m else "the case does not give the sensors' distance"
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields in the directions in which the sensors really were."""
-        assert scene.goniometer is not None
-        shift = np.array([p[0], p[1], -p[2]]) / scene.goniometer.distance_m
+        assert scene.distance_m is not None
+        shift = np.array([p[0], p[1], -p[2]]) / scene.distance_m
         place = directions.vector(light.gamma_deg, light.c_deg) + shift
         gamma, light.c_deg = directions.gamma_c(place)
         light.gamma_deg = np.minimum(gamma, 90.0)

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.cases.model import Floats
+from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
@@ -41,7 +41,7 @@ class RoomInterreflection(Retraced):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """In closed form, and as the case's own variants have it."""
         setup = scene.readings.case.setup
-        known = setup.room and setup.goniometer and fits(setup.room.size_m, setup.goniometer.distance_m)
+        known = setup.room and scene.distance_m and fits(setup.room.size_m, scene.distance_m)
         closed = (Branch(),) if known else ()
         return (*closed, *super().branches(scene))
 
@@ -57,7 +57,8 @@ class RoomInterreflection(Retraced):
         setup = scene.readings.case.setup
         assert setup.room is not None
         assert setup.goniometer is not None
-        room = _room(setup.room.size_m, setup.goniometer.distance_m, setup.goniometer.sensor_half_angle_deg)
+        assert scene.distance_m is not None
+        room = _room(setup.room.size_m, scene.distance_m, setup.goniometer.sensor_half_angle_deg)
         sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
         field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
         light.added = light.added + room.added(field, float(p[0]), float(p[1]))
@@ -73,6 +74,8 @@ class RoomInterreflection(Retraced):
 
 
 _FROM_ONE_SIDE = ", from one side"
+_OF_UNKNOWN_DISTANCE = 0.5
+"""Relative uncertainty of an illuminance whose sensors' distance is only supposed: arms differ by a quarter."""
 
 
 class StrayLight(Mechanism):
@@ -106,16 +109,16 @@ class StrayLight(Mechanism):
     share = Parameter(
         "one_sided", "1", "share of the light that comes from that side", 0.0, 1.0, 0.5, (0.6,), centre=0.5
     )
-    needs = "goniometer (its distance)"
+    needs = "goniometer (its distance; else the report's is taken, and the illuminance is as uncertain)"
     source = (
         "I_add = d² E_stray, constant or proportional to the global illuminance; a share s of it from one side, a lamp "
         "or a door, to first order E_stray (1 + s sin(gamma) cos(C - C_side))"
     )
     tie_breaker = "a scan with the skylight covered"
 
-    def why_not(self, scene: Scene) -> str:
-        """The distance turns lux into candela."""
-        return "" if scene.goniometer else "the case does not describe the goniometer"
+    def size_error_in(self, scene: Scene, branch: Branch) -> float:
+        """The distance turns lux into candela, by its square."""
+        return super().size_error_in(scene, branch) if scene.distance_m else _OF_UNKNOWN_DISTANCE
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Constant, or (with global illuminances) following the daylight; evenly, or from one side."""
@@ -133,8 +136,7 @@ class StrayLight(Mechanism):
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the stray light to the goniometer's rows."""
-        assert scene.goniometer is not None
-        added = np.full(len(values), scene.goniometer.distance_m**2 * p[0])
+        added = np.full(len(values), (scene.distance_m or USUAL_ARM_M) ** 2 * p[0])
         if branch.facts:
             outside = scene.readings.global_lx / branch.facts["mean_global_lx"]
             added = added * outside[scene.readings.test]

@@ -35,6 +35,21 @@ def test_a_good_case_is_read_as_it_stands(tmp_path: Path) -> None:
     assert case.distribution("simulated/sun.ies").candela.max() == 100.0
 
 
+OPTIONAL = [
+    line
+    for line in CASE.splitlines()
+    if line.split(" = ")[0] in {"title", "distance_m", "kind", "aperture", "system", "start", "end", "simulated"}
+    and not line.startswith(('kind = "goniometer"', 'kind = "illuminance-meter"'))
+]
+
+
+@pytest.mark.parametrize("line", OPTIONAL)
+def test_what_only_helps_may_be_missing(tmp_path: Path, line: str) -> None:
+    """Format, channels and tests are required (docs/cases.md); what needs another fact is not tried without it."""
+    assert len(OPTIONAL) == 8
+    assert len(read_case(small_case(tmp_path, case=CASE.replace(line + "\n", "", 1))).tests) == 2
+
+
 CASE_MISTAKES = {
     "no format": ('format = "labdaq-case/1"', "", ["format"]),
     "another format": ("labdaq-case/1", "labdaq-case/9", ["format", "labdaq-case/1"]),

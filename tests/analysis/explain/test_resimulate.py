@@ -312,6 +312,23 @@ def test_a_near_field_beyond_six_apertures_is_hardly_more_than_a_blur(scene: Sce
         assert {t.branch.blurs for t in terms_of(BY_ID["near-field"], far)} == {blurs}
 
 
+@pytest.mark.parametrize("table", [None, {"distance_m": None}])
+def test_an_arm_of_unknown_length_is_explained_as_far_as_that_goes(scene: Scene, table: dict[str, None] | None) -> None:
+    """Its systems are simulated again at the usual distance; lux are as uncertain as that, and some is not tried."""
+    case = scene.readings.case
+    assert case.setup.goniometer is not None
+    arm = None if table is None else case.setup.goniometer.model_copy(update=table)
+    unknown = replace(case, setup=case.setup.model_copy(update={"goniometer": arm}))
+    seen = replace(scene, readings=replace(scene.readings, case=unknown))
+    assert simulator_of(unknown) is not None
+    assert seen.distance_m is None and "goniometer" in BY_ID["room-interreflection"].why_not(seen)
+    stray = BY_ID["stray-light"]
+    (way, *_) = terms_of(stray, seen)
+    assert stray.size_error_in(seen, way.branch) == 0.5 > stray.size_error_in(scene, way.branch)
+    fields = seen.dark_light()
+    assert np.all(np.isfinite(predict(seen, (way,), np.array([2.0])))) and np.any(fields.sun > 0.0)
+
+
 def test_a_near_field_is_traced_in_one_system_alone_too(scene: Scene) -> None:
     """There as traced, in the others in closed form."""
     names = [t.system for t in scene.readings.case.tests]
