@@ -12,10 +12,12 @@ from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
 from analysis.explain.mechanisms.base import Mechanism, Term, in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.well import BounceTruncation
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.scene import Scene, scene_of
+from analysis.explain.settings import OWN
 from analysis.explain.shared_error import SharedError
 from labdaq.errors import DataError
 
@@ -105,7 +107,7 @@ def apply_model(model: Model, case: Case, simulator: Simulator | None = None) ->
     scene = scene_of(case, simulator, measured_only=False)
     readings = scene.readings
     here = {t.system or "" for t in case.tests}
-    entries = [e for e in model.entries if not e.get("only") or here & set(e["only"])]
+    entries = [_known_here(e, scene) for e in model.entries if not e.get("only") or here & set(e["only"])]
     terms = tuple(_term(entry, scene) for entry in entries)
     theta = np.array([x for entry in entries for x in entry["theta"]])
     sd = np.array([x for entry in entries for x in entry["sd"]])
@@ -124,6 +126,20 @@ def _usual(readings: Readings) -> Floats:
     """Relative standard uncertainty of gain and shape that no explanation removes; shape (N,)."""
     size = {kind: np.sqrt(u.gain**2 + u.shape**2 + u.shape_of_test**2 + u.scatter**2) for kind, u in USUAL.items()}
     return np.array([size[str(k)] for k in readings.kind])
+
+
+def _known_here(entry: dict[str, Any], scene: Scene) -> dict[str, Any]:
+    """A limit of bounces that a variant showed, as the limit that this case states, where it brings no variants.
+
+    The variant had no limit: so much of its change is what the limit cut off, and that is simulated.
+    """
+    limit = scene.readings.case.setup.simulation.max_bounces
+    brought = scene.retraced is not None and entry["id"] in scene.retraced.case_paths
+    if entry["id"] != BounceTruncation.id or entry["names"] != ["weight"] or brought or not limit:
+        return entry
+    (parameter,) = BounceTruncation.parameters
+    only = "".join(f", {name} only" for name in entry.get("only", []))
+    return {**entry, "way": OWN + only, "names": [parameter.name], "theta": [float(limit)], "sd": [0.0]}
 
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:

@@ -37,6 +37,7 @@ LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
+OWN: Final = "own re-simulation"
 EVENED: Final = ", evened out"
 EVENED_DEG: Final = {IMAGE_DEG: "", 12.0: EVENED}
 """Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
@@ -101,7 +102,7 @@ def _through(
 def _turns(traced: Tracing) -> Iterator[Path]:
     what = "turn of the lens patterns, counter-clockwise from above"
     turn = Parameter("rotation_deg", "deg", what, 6.0, 84.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
-    for path in _along(traced, "own re-simulation", turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0):
+    for path in _along(traced, OWN, turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0):
         one = np.ones_like(path.sun[:1])
         yield dataclasses.replace(
             path,
@@ -170,7 +171,7 @@ def _limits(traced: Tracing) -> Iterator[Path]:
     stated = traced.case.setup.simulation.max_bounces
     if stated:
         limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
-    yield Path("own re-simulation", limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
+    yield Path(OWN, limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
     for width, note in EVENED_DEG.items():
         over_cut = _each(partial(_over, traced, width, traced.wide(whole, width)), cuts.values())
         ratios = dict(zip(cuts, over_cut, strict=True)) | {UNLIMITED: (one, one)}
@@ -238,7 +239,7 @@ def _clock(traced: Tracing) -> Iterator[Path]:
     lit = dict(zip(MINUTES, _each(partial(_later, traced), MINUTES), strict=True))
     starts = (-60.0, -30.0, -10.0, 10.0, 30.0, 60.0)
     late = Parameter("offset_min", "min", "true time minus recorded time", -65.0, 65.0, 15.0, starts)
-    yield from _through(traced, "own re-simulation", late, lit, 0.0)
+    yield from _through(traced, OWN, late, lit, 0.0)
 
 
 def _later(traced: Tracing, minutes: float) -> Field:

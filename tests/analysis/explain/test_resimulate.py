@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.explain import again, likeness, settings, tracing
+from analysis.explain.apply import apply_model
 from analysis.explain.asked import misfit
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.fit import Fit
@@ -22,7 +23,9 @@ from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
 from analysis.explain.settings import EVENED, EVENED_DEG, UNLIMITED
 from analysis.explain.tracing import IMAGE_DEG, Tracing
-from tests.analysis.explain.campaign import TESTS, make_case
+from labdaq.errors import DataError
+from tests.analysis.explain.campaign import TESTS, columns, make_case
+from tests.analysis.explain.test_apply import model
 from tests.analysis.explain.test_mechanisms import term
 
 BOX, TUBE = 0, 1
@@ -310,6 +313,23 @@ def test_a_near_field_beyond_six_apertures_is_hardly_more_than_a_blur(scene: Sce
         setup = case.setup.model_copy(update={"goniometer": arm})
         far = replace(scene, readings=replace(scene.readings, case=replace(case, setup=setup)))
         assert {t.branch.blurs for t in terms_of(BY_ID["near-field"], far)} == {blurs}
+
+
+@pytest.mark.parametrize("only", [(), ("tube",)])
+def test_a_limit_that_a_variant_showed_is_simulated_where_the_case_has_none(
+    simulated: OwnSimulation, only: tuple[str, ...]
+) -> None:
+    """Three bounces were simulated, as this case states as well; what a case does not state cannot be applied."""
+    setup = simulated.case.setup
+    stated = setup.simulation.model_copy(update={"max_bounces": 3})
+    case = replace(simulated.case, setup=setup.model_copy(update={"simulation": stated}))
+    shown = model("bounce-truncation", "case's variant max_bounces = 60", ["weight"], [0.9], only)
+    own = model("bounce-truncation", f"own re-simulation{', tube only' if only else ''}", ["max_bounces"], [3.0], only)
+    found, expected = (columns(apply_model(what, case, simulated), "corrected")[0] for what in (shown, own))
+    assert found == pytest.approx(expected)
+    assert np.max(found / case.records.simulated) > 1.1
+    with pytest.raises(DataError, match="has no such way"):
+        apply_model(shown, simulated.case, simulated)
 
 
 @pytest.mark.parametrize("table", [None, {"distance_m": None}])
