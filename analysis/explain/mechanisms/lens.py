@@ -114,6 +114,13 @@ class LensAnisotropy(Retraced):
     source = "re-simulation; report chapters 6 and 9"
     tie_breaker = "turn the skylight by 45°"
 
+    def why_not(self, scene: Scene) -> str:
+        """Of a prediction that a variant makes isotropic, the lens had its pattern."""
+        own = [v.setting for v in scene.readings.case.setup.variant if v.mechanism == self.id]
+        if any(setting.get("isotropic") is True or setting.get("anisotropic") is False for setting in own):
+            return "the prediction has the lens's pattern: a variant of the case takes it away"
+        return super().why_not(scene)
+
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens has other prisms than the one that was traced; the case's own variants have the same."""
         return super().size_error_in(scene, branch) if branch.of_case else IMAGES_OF_SIZE

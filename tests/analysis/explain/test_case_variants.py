@@ -222,6 +222,16 @@ def test_a_lens_with_part_of_its_pattern_is_found(tmp_path: Path, weight: float)
     assert fit.log_evidence > nothing.log_evidence + 20.0
 
 
+@pytest.mark.parametrize(
+    ("setting", "had_it"), [({"isotropic": True}, True), ({"anisotropic": False}, True), ({"isotropic": False}, False)]
+)
+def test_a_variant_that_takes_the_pattern_away_says_that_it_was_there(
+    tmp_path: Path, setting: dict[str, Any], had_it: bool
+) -> None:
+    scene = varied(tmp_path / "case", ("lens-anisotropy", setting, times(0.9), ""))
+    assert ("takes it away" in BY_ID["lens-anisotropy"].why_not(scene)) == had_it
+
+
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
     scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
     (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
