@@ -7,12 +7,10 @@ from analysis.explain.conclusion import Conclusion, flattens, of_optics
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
-from analysis.explain.mechanisms.dirt import Soiling
 from analysis.explain.mechanisms.goniometer import NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import Nonlinearity
-from analysis.explain.mechanisms.well import WallReflectance
 from analysis.explain.thresholds import (
     AS_WELL,
     FLATTENS,
@@ -21,7 +19,6 @@ from analysis.explain.thresholds import (
     OF_CASE_ODDS,
     ROOM_OR_LEAK,
     TILTED_OR_LATE,
-    WALL_OR_DIRT,
 )
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
@@ -75,8 +72,7 @@ def beside(h: Hypothesis, other: Hypothesis) -> float:
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another that does alike, before any evidence.
 
-    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight, a wall for
-    dirt on one skylight of several.
+    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight.
     """
     pair = name, *other
     if found.one_instrument:
@@ -86,9 +82,6 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
         return NEAR_OR_BLURRED if asked.blurs(alone[other[0]].fit) else 0.0
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
         return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
-    if pair == (WallReflectance.id, Soiling.id) and other[0] in alone:
-        ways = (t.branch for t in alone[other[0]].fit.terms)
-        return WALL_OR_DIRT if any(map(Soiling.on_one_of_several, ways)) else 0.0
     return 0.0
 
 

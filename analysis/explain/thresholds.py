@@ -178,9 +178,6 @@ do stand at their distance. (One of our own of 9.8 % gained 71 nats, a sun witho
 ROOM_OR_LEAK = 1.1
 """The same of the room's own light against a leak that follows the daylight: no room is black. (Of two authors' rooms
 three of 50 to 260 nats led such a leak by .2 to .3; leaks that were true led by 1.2 and more.)"""
-WALL_OR_DIRT = 1.1
-"""The same of a well's reflectance against dirt on one skylight of several: the sky soils all alike, walls are each
-skylight's own. (Another author's wall of 3.8 % gained 95 nats, such dirt 98.)"""
 IMITATION = 1.1
 """A smooth function of nobody's making says that a name is wrong where it gains this many times as much. (On three
 other authors' cases below skylights right names had at most .93, two wrong ones 1.23 and 1.28.)"""

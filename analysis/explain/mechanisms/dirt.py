@@ -58,12 +58,6 @@ class Soiling(Retraced):
         scattering = (Branch(f"{name}, scattering", (k, "scattering"), stands_in=True) for name, k in some.items())
         return (*ways, *scattering)
 
-    @staticmethod
-    def on_one_of_several(branch: Branch) -> bool:
-        """Whether only one of the systems that hung in the roof is dirty."""
-        way = branch.value
-        return way[0] is not None if isinstance(way, tuple) else branch.label.endswith(" only")
-
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Closed forms have the loss itself."""
         if not isinstance(branch.value, tuple):

@@ -55,7 +55,6 @@ from analysis.explain.thresholds import (
     TEMPER_ONE,
     THIRD,
     TILTED_OR_LATE,
-    WALL_OR_DIRT,
     WRONG_LENS,
 )
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles, stand_out
@@ -743,20 +742,6 @@ def test_a_meter_that_no_reading_shows_is_told_only_well_ahead_of_what_does_alik
     tilted = _hypothesis(arm, 100.0, "meter-tilt")
     both = [_hypothesis(arm, h.evidence, "meter-tilt", *h.ids) for h in (meter, split)]
     assert _likeliest(found, both, tilted, 0.0).ids[-1] == told
-
-
-@pytest.mark.parametrize(
-    ("way", "odds"), [("box", WALL_OR_DIRT), ("every system", 0.0), ("box, scattering", WALL_OR_DIRT)]
-)
-def test_a_wall_is_likelier_than_dirt_on_one_skylight_of_several(arm: Scene, way: str, odds: float) -> None:
-    wall, dirt = _hypothesis(arm, 100.0), _hypothesis(arm, 100.0, "soiling")
-    wall.fit.terms = (Term(BY_ID["wall-reflectance"], Branch("box"), ()),)
-    dirt.fit.terms = tuple(t for t in terms_of(BY_ID["soiling"], arm) if t.branch.label == way)
-    assert first_of([dirt, wall], Conclusion(dirt, _hypothesis(arm, 0.0), [dirt, wall])) is (wall if odds else dirt)
-    for first, sure in ((wall, odds), (dirt, -odds)):
-        found = Conclusion(first, _hypothesis(arm, 0.0), [wall, dirt])
-        decide(found, 1.0)
-        assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
 
 
 @pytest.mark.parametrize(("way", "odds"), [("following the daylight", ROOM_OR_LEAK), ("constant", 0.0)])
