@@ -189,9 +189,9 @@ class Saturation(Mechanism):
             "1",
             "largest prediction over the level at which the range ends",
             0.0,
-            5.0,
+            25.0,
             0.5,
-            (0.05, 0.2, 0.6, 1.2, 3.0),
+            (0.05, 0.2, 0.6, 1.2, 3.0, 8.0),
         ),
     )
     knee = Parameter(
