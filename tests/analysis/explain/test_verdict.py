@@ -126,6 +126,9 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     h, nothing = _hypothesis(arm, 30.0, "dark-offset"), _hypothesis(arm, 0.0)
     h.fit.hyper = Hyper(1.0, 1.0, lens)
     assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(least)
+    one_sensor = _hypothesis(arm, 30.0, "channel-gain")
+    one_sensor.fit.hyper = h.fit.hyper
+    assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == NAME_FIRST_BELOW
     alone = Conclusion(nothing, nothing, [], one_instrument=True)
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 
