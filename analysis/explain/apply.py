@@ -12,13 +12,14 @@ from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
 from analysis.explain.mechanisms.base import Mechanism, Term, in_its_state, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.mechanisms.well import BounceTruncation
+from analysis.explain.mechanisms.well import BounceTruncation, WallScatter
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.scene import Scene, scene_of
-from analysis.explain.settings import OWN
+from analysis.explain.settings import DIFFUSE_SHARE, OWN
 from analysis.explain.shared_error import SharedError
+from analysis.explain.variants import OF_CASE
 from labdaq.errors import DataError
 
 _SIMULATED = {
@@ -129,17 +130,22 @@ def _usual(readings: Readings) -> Floats:
 
 
 def _known_here(entry: dict[str, Any], scene: Scene) -> dict[str, Any]:
-    """A limit of bounces that a variant showed, as the limit that this case states, where it brings no variants.
+    """What a variant showed in its own words, in those of our own simulation, where this case brings no variant.
 
-    The variant had no limit: so much of its change is what the limit cut off, and that is simulated.
+    Of a limit of bounces the variant had none: so much of its change is what the limit cut off that this case states.
+    A share that walls scatter is one by any name.
     """
     limit = scene.readings.case.setup.simulation.max_bounces
     brought = scene.retraced is not None and entry["id"] in scene.retraced.case_paths
-    if entry["id"] != BounceTruncation.id or entry["names"] != ["weight"] or brought or not limit:
-        return entry
-    (parameter,) = BounceTruncation.parameters
     only = "".join(f", {name} only" for name in entry.get("only", []))
-    return {**entry, "way": OWN + only, "names": [parameter.name], "theta": [float(limit)], "sd": [0.0]}
+    if brought or not entry["way"].startswith(OF_CASE):
+        return entry
+    if entry["id"] == BounceTruncation.id and entry["names"] == ["weight"] and limit:
+        (parameter,) = BounceTruncation.parameters
+        return {**entry, "way": OWN + only, "names": [parameter.name], "theta": [float(limit)], "sd": [0.0]}
+    if entry["id"] == WallScatter.id and entry["names"][0].endswith("share"):
+        return {**entry, "way": DIFFUSE_SHARE + only, "names": [WallScatter.parameters[0].name]}
+    return entry
 
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:

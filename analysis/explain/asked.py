@@ -55,7 +55,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
 
     Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`); no
-    lens is wrong at one sensor alone. (Of three other authors' 200 skylights a sensor's gain led in five, and was true.)
+    lens is wrong at one sensor alone. (Where a sensor's gain led, in five of 200 by three other authors, it was true.)
     """
     lens = h.fit.hyper.lens
     far_wrong = not found.one_instrument and lens > WRONG_LENS and h.ids != (ChannelGain.id,)

@@ -38,6 +38,7 @@ UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
 OWN: Final = "own re-simulation"
+DIFFUSE_SHARE: Final = "diffuse share"
 EVENED: Final = ", evened out"
 EVENED_DEG: Final = {IMAGE_DEG: "", 12.0: EVENED}
 """Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
@@ -150,7 +151,7 @@ def _isotropy(traced: Tracing) -> Iterator[Path]:
 
 def _scatter(traced: Tracing) -> Iterator[Path]:
     share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
-    yield from _along(traced, "diffuse share", share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
+    yield from _along(traced, DIFFUSE_SHARE, share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
     width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
     yield from _along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
 

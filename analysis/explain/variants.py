@@ -18,6 +18,8 @@ _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most
 _RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
+OF_CASE: Final = "case's variant"
+"""How labels of paths begin that the case itself brings."""
 _ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
 _OF_A_SYSTEM: Final = frozenset(
     {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
@@ -136,13 +138,13 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
         rows = [_Run(origin, one, one), *numbered]
         parameter = _parameter(kind, np.unique([run.value for run in rows]), origin)
         geometric = kind.mechanism == _WALLS
-        path = Path(f"case's variants of {kind.label}", parameter, *_stacked(rows), geometric, of_case=True)
+        path = Path(f"{OF_CASE}s of {kind.label}", parameter, *_stacked(rows), geometric, of_case=True)
         yield replace(path, held=dict(kind.held))
         return
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        yield Path(f"case's variant {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
+        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:
@@ -168,7 +170,7 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
         what = "turn of the pattern, counter-clockwise from above"
         width = max(0.15 * far, far - near)
         turn = Parameter(key, "deg", what, low, high, width, tuple(turns.tolist()), centre=float(turns.mean()))
-        label = f"case's variants of {key}, {'counter-' if side > 0 else ''}clockwise"
+        label = f"{OF_CASE}s of {key}, {'counter-' if side > 0 else ''}clockwise"
         yield Path(label, turn, at, sun, sky, of_case=True)
 
 
@@ -206,7 +208,7 @@ def _alike(walls: tuple[Path, ...]) -> Path:
     low, high = sorted((_BEYOND * reach, -reach))
     what = "change of the reflectance of all wells"
     change = Parameter("change", "1", what, low, high, abs(reach), (reach, 0.4 * reach), centre=0.0)
-    return Path("case's variants of all walls", change, at, sun, sky, geometric=True, of_case=True)
+    return Path(f"{OF_CASE}s of all walls", change, at, sun, sky, geometric=True, of_case=True)
 
 
 def _ratio(case: Case, base: Fields, variant: Variant) -> tuple[Floats, Floats]:

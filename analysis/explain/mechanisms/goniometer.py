@@ -57,6 +57,8 @@ class NearField(Mechanism):
         case = scene.readings.case
         if case.setup.simulation.field == "near":
             return "the simulation already predicts at the sensors' distance"
+        if any(v.mechanism == self.id and v.setting.get("field") == "far" for v in case.setup.variant):
+            return "the prediction is of the near field: a variant of the case takes it away"
         known = scene.distance_m and all(
             (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests
         )

@@ -223,13 +223,20 @@ def test_a_lens_with_part_of_its_pattern_is_found(tmp_path: Path, weight: float)
 
 
 @pytest.mark.parametrize(
-    ("setting", "had_it"), [({"isotropic": True}, True), ({"anisotropic": False}, True), ({"isotropic": False}, False)]
+    ("mechanism", "setting", "had_it"),
+    [
+        ("lens-anisotropy", {"isotropic": True}, True),
+        ("lens-anisotropy", {"anisotropic": False}, True),
+        ("lens-anisotropy", {"isotropic": False}, False),
+        ("near-field", {"field": "far"}, True),
+        ("near-field", {"field": "near"}, False),
+    ],
 )
-def test_a_variant_that_takes_the_pattern_away_says_that_it_was_there(
-    tmp_path: Path, setting: dict[str, Any], had_it: bool
+def test_a_variant_that_takes_something_away_says_that_it_was_there(
+    tmp_path: Path, mechanism: str, setting: dict[str, Any], had_it: bool
 ) -> None:
-    scene = varied(tmp_path / "case", ("lens-anisotropy", setting, times(0.9), ""))
-    assert ("takes it away" in BY_ID["lens-anisotropy"].why_not(scene)) == had_it
+    scene = varied(tmp_path / "case", (mechanism, setting, times(0.9), ""), simulation={"field": "far"})
+    assert ("takes it away" in BY_ID[mechanism].why_not(scene)) == had_it
 
 
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:

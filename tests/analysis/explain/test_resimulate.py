@@ -332,6 +332,16 @@ def test_a_limit_that_a_variant_showed_is_simulated_where_the_case_has_none(
         apply_model(shown, simulated.case, simulated)
 
 
+def test_a_share_that_walls_scatter_is_one_by_the_variant_s_name_too(simulated: OwnSimulation) -> None:
+    shown = model(
+        "wall-scatter", "case's variants of scattered_share, tube only", ["scattered_share"], [0.1], ("tube",)
+    )
+    own = model("wall-scatter", "diffuse share, tube only", ["scatter"], [0.1], ("tube",))
+    found, expected = (columns(apply_model(what, simulated.case, simulated), "corrected")[0] for what in (shown, own))
+    assert found == pytest.approx(expected)
+    assert np.max(np.abs(found / simulated.case.records.simulated - 1.0)) > 0.02
+
+
 @pytest.mark.parametrize("table", [None, {"distance_m": None}])
 def test_an_arm_of_unknown_length_is_explained_as_far_as_that_goes(scene: Scene, table: dict[str, None] | None) -> None:
     """Its systems are simulated again at the usual distance; lux are as uncertain as that, and some is not tried."""
