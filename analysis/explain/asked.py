@@ -13,11 +13,14 @@ from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, Term
+from analysis.explain.mechanisms.goniometer import COffset, GammaOffset
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     HOLDS_LAWS,
+    LEAST_EFFECT,
+    LEAST_EFFECT_OF_ARM,
     LEAST_MINUTES,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
@@ -47,6 +50,7 @@ _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
 _NO_LAWS_OF_LEVEL: Final = frozenset({"projection-error", "vignetting", "clock-offset"})
 """What changes a picture by place or time: no random function of the level holds it."""
+_POINTING: Final = frozenset({GammaOffset.id, COffset.id})
 _FEW_NUMBERS: Final = 2
 """A form with more parameters than this bends to ripple."""
 
@@ -109,6 +113,11 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
+
+
+def least_effect(h: Hypothesis) -> float:
+    """By how much a further name must change the readings (rms, relative)."""
+    return LEAST_EFFECT_OF_ARM if h.ids[-1] in _POINTING else LEAST_EFFECT
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

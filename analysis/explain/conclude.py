@@ -17,7 +17,6 @@ from analysis.explain.thresholds import (
     ALIKE,
     BASES,
     HOLDS_LAWS,
-    LEAST_EFFECT,
     LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
     LIKELIER,
@@ -178,7 +177,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates = [h for h in candidates if not asked.absurd(h.fit, h.ids[-1])]
     if not candidates:
         return None
-    seen = [h for h in candidates if search.least_effect(h) > LEAST_EFFECT and not asked.is_a_moment(h)]
+    seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h) and not asked.is_a_moment(h)]
     best = _likeliest(found, seen or candidates, base, alone)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:

@@ -133,6 +133,11 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 
 
+def test_an_arm_that_points_a_little_elsewhere_is_no_further_name(arm: Scene) -> None:
+    least = {m: asked.least_effect(_hypothesis(arm, 30.0, m)) for m in ("gamma-offset", "c-offset", "soiling")}
+    assert least["gamma-offset"] == least["c-offset"] > least["soiling"]
+
+
 @pytest.mark.parametrize(
     ("fraction", "width_deg", "narrow"),
     [(0.2, 3.0, True), (0.2, 6.0, False), (0.6, 2.2, True), (0.6, 4.0, False), (0.95, 4.0, True)],
