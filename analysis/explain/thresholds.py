@@ -126,8 +126,8 @@ LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""
 LEAST_EFFECT_OF_ARM = 0.016
-"""The same of an arm that points elsewhere: to a degree of azimuth arms usually do. (Of other authors' further names two
-such of .013 and .015 were wrong, one of .02 and those of more than .07 right, another of .08 wrong.)"""
+"""The same of an arm that points elsewhere: to a degree of azimuth arms usually do. (Of other authors' further names
+two such of .013 and .015 were wrong, one of .02 and those of more than .07 right, another of .08 wrong.)"""
 LEAST_MINUTES = 0.1
 """A clock of one instrument must be off by this [min]. (Another author's second meters were all read two seconds after
 the first: under broken cloud that gained up to 187 nats.)"""

@@ -22,6 +22,7 @@ def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:
     Writes explanation.json, predictions.csv, report.html and the plots to --out.
     """
     from analysis.cases import read_case
+    from analysis.cases.suns import with_suns
     from analysis.explain.answer import answer, found_in, predictions_csv, write_json
     from analysis.explain.mismatch import explain
     from analysis.explain.plots import plots
@@ -33,7 +34,7 @@ def command(case: Path, out: Path, as_json: bool, no_simulation: bool) -> None:
         if not as_json:
             click.echo(f"  {step} ...", err=True)
 
-    recorded = read_case(case)
+    recorded = with_suns(read_case(case))
     found = explain(recorded, None if no_simulation else simulator_of(recorded), say)
     content = answer(found)
     drawn = plots(found)

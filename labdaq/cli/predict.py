@@ -17,11 +17,12 @@ def command(explanation: Path, case: Path, out: Path, mechanisms_only: bool) -> 
     Where mechanisms are named, what the fitted tests say of the simulation's own error is taken off as well.
     """
     from analysis.cases import read_case
+    from analysis.cases.suns import with_suns
     from analysis.explain.apply import apply_model, read_model
     from analysis.explain.resimulate import simulator_of
     from labdaq.whole_file import write_whole_bytes
 
-    other = read_case(case, need_measured=False)
+    other = with_suns(read_case(case, need_measured=False))
     model = read_model(explanation)
     if mechanisms_only:
         model = model.without_shared_error()

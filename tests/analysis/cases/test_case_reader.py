@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.cases import read_case
+from analysis.cases.suns import with_suns
 from labdaq.clock import utc_ns_of
 from labdaq.errors import DataError
 from tests.analysis.cases.small_case import CASE, RECORDS, small_case
@@ -48,6 +49,20 @@ def test_what_only_helps_may_be_missing(tmp_path: Path, line: str) -> None:
     """Format, channels and tests are required (docs/cases.md); what needs another fact is not tried without it."""
     assert len(OPTIONAL) == 8
     assert len(read_case(small_case(tmp_path, case=CASE.replace(line + "\n", "", 1))).tests) == 2
+
+
+@pytest.mark.parametrize("without", [(), ("start", "end")])
+def test_the_sun_of_a_test_that_says_where_and_when_is_computed(tmp_path: Path, without: tuple[str, ...]) -> None:
+    """Against the report's table 5: the sun of its test 18 stood at 31.2 and 85.6 degrees."""
+    text = "\n".join(line for line in CASE.splitlines() if not line.startswith(without)) if without else CASE
+    first, second = with_suns(read_case(small_case(tmp_path / "case", case=text))).tests
+    close = 0.5 if without else 0.1  # its two records lie in the first 20 s
+    assert first.sun_altitude_deg == pytest.approx(31.17, abs=close)
+    assert first.sun_azimuth_deg == pytest.approx(85.57, abs=close)
+    assert second.sun_altitude_deg is None and second.sun_azimuth_deg is None  # no time
+    told = text.replace('id = "T1"', 'id = "T1"\nsun_altitude_deg = 20.0\nsun_azimuth_deg = 90.0')
+    given = with_suns(read_case(small_case(tmp_path / "told", case=told))).tests[0]
+    assert (given.sun_altitude_deg, given.sun_azimuth_deg) == (20.0, 90.0)
 
 
 CASE_MISTAKES = {
