@@ -20,7 +20,8 @@ from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LEAST_EFFECT,
-    LEAST_EFFECT_OF_ARM,
+    LEAST_EFFECT_FIRST,
+    LEAST_EFFECTS_OF_ARM,
     LEAST_MINUTES,
     MISFIT_LENS,
     MISFIT_LIKE_A_LENS,
@@ -116,8 +117,9 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
 
 
 def least_effect(h: Hypothesis) -> float:
-    """By how much a further name must change the readings (rms, relative)."""
-    return LEAST_EFFECT_OF_ARM if h.ids[-1] in _POINTING else LEAST_EFFECT
+    """By how much a name must change the readings (rms, relative), as the first or beside others."""
+    alone, further = LEAST_EFFECTS_OF_ARM if h.ids[-1] in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
+    return alone if len(h.ids) == 1 else further
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

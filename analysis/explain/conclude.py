@@ -17,7 +17,6 @@ from analysis.explain.thresholds import (
     ALIKE,
     BASES,
     HOLDS_LAWS,
-    LEAST_EFFECT_FIRST,
     LIKE_THE_BEST,
     LIKELIER,
     NAME_FIRST_BELOW,
@@ -46,7 +45,7 @@ def conclude(search: Search) -> Conclusion:
     few = asked.share_of_few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:
-        named = [h for h in named if search.least_effect(h) > LEAST_EFFECT_FIRST]
+        named = [h for h in named if search.least_effect(h) > asked.least_effect(h)]
     else:
         named = [h for h in named if not asked.is_a_moment(h)]
     if named:

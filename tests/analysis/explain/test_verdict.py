@@ -133,9 +133,12 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 
 
-def test_an_arm_that_points_a_little_elsewhere_is_no_further_name(arm: Scene) -> None:
-    least = {m: asked.least_effect(_hypothesis(arm, 30.0, m)) for m in ("gamma-offset", "c-offset", "soiling")}
+@pytest.mark.parametrize("more", [(), ("dark-offset",)])
+def test_an_arm_that_points_a_little_elsewhere_is_no_name(arm: Scene, more: tuple[str, ...]) -> None:
+    least = {m: asked.least_effect(_hypothesis(arm, 30.0, *more, m)) for m in ("gamma-offset", "c-offset", "soiling")}
     assert least["gamma-offset"] == least["c-offset"] > least["soiling"]
+    alone = asked.least_effect(_hypothesis(arm, 30.0, "c-offset"))
+    assert (least["c-offset"] > alone) == bool(more)
 
 
 @pytest.mark.parametrize(
