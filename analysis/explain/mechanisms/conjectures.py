@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
-from analysis.explain.mechanisms.misaligned_arm import ArmSag, Backlash, OffCentre, TiltedAxis
+from analysis.explain.mechanisms.misaligned_arm import ArmSag, Backlash, OffCentre, SlippedArm, TiltedAxis
 from analysis.explain.mechanisms.misaligned_camera import TiltedCamera, TurnedCamera
 from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
@@ -147,6 +147,7 @@ CONJECTURES: tuple[Mechanism, ...] = (
     ArmSag(),
     OffCentre(),
     Backlash(),
+    SlippedArm(),
     TiltedAxis(),
     Crosstalk(),
     SlowSensors(),

@@ -79,6 +79,40 @@ class Backlash(Mechanism):
         light.moved = True
 
 
+class SlippedArm(Mechanism):
+    """From some plane of each scan on, the arm stands elsewhere than its scale says."""
+
+    id = "slipped-arm"
+    stage = Stage.GONIOMETER
+    leaves_out = "The arm slips during a scan: from some plane on it stands elsewhere than its scale says."
+    parameters = (
+        Parameter("slip_deg", "deg", "true C minus the recorded one, afterwards", -20.0, 20.0, 5.0, (-8.0, 8.0)),
+        Parameter(
+            "after",
+            "1",
+            "share of the scan's planes before it",
+            0.05,
+            0.95,
+            0.3,
+            (0.15, 0.35, 0.5, 0.65, 0.85),
+            centre=0.5,
+        ),
+    )
+    needs = "times of the records"
+    source = "I(gamma, C + d) after the same share of each scan"
+    tie_breaker = "the first plane of each scan once more at its end"
+
+    def why_not(self, scene: Scene) -> str:
+        """The order of the planes must be known."""
+        return "" if scene.readings.has_times else "the records carry no time"
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Sample the fields where the arm stood; a plane in which it slipped counts for both."""
+        before, planes = scene.remember(_planes_before)
+        light.c_deg = light.c_deg + p[0] * np.clip(before - p[1] * planes + 1.0, 0.0, 1.0)
+        light.moved = True
+
+
 class TiltedAxis(Mechanism):
     """The arm turns about an axis that is not plumb, or the skylight does not hang level: the light lies tilted."""
 
@@ -100,6 +134,19 @@ class TiltedAxis(Mechanism):
         gamma, light.c_deg = directions.gamma_c(place)
         light.gamma_deg = np.minimum(gamma, 90.0)
         light.moved = True
+
+
+def _planes_before(scene: Scene) -> Floats:
+    """How many planes the arm had been in before each reading's, in that test, and how many there are; shape (2, N)."""
+    r = scene.readings
+    found = np.zeros((2, len(r)))
+    for k in np.unique(r.test[scene.is_gonio]):
+        rows = np.flatnonzero((r.test == k) & scene.is_gonio)
+        rows = rows[np.argsort(r.utc_ns[rows], kind="stable")]
+        new = np.abs(np.diff(r.c_deg[rows], prepend=r.c_deg[rows[0]])) > 0.01
+        found[0, rows] = np.cumsum(new)
+        found[1, rows] = 1.0 + np.count_nonzero(new)
+    return found
 
 
 def _sense_of_turning(scene: Scene) -> Floats:

@@ -82,6 +82,20 @@ def test_play_acts_to_the_side_that_the_arm_comes_from(arm: Scene) -> None:
     assert np.max(np.abs(made - exact) / np.hypot(exact, 0.02 * top)) < 0.01
 
 
+def test_a_slipped_arm_stands_elsewhere_from_some_plane_on(arm: Scene) -> None:
+    """After six of sixteen planes of each test by 5°; before them as recorded."""
+    law = next(m for m in CONJECTURES if m.id == "slipped-arm")
+    (term,) = terms_of(law, arm)
+    made = predict(arm, (term,), np.array([5.0, 6.0 / 16.0]))
+    rows = rows_of(TESTS)
+    order = np.round(rows.c_deg / 22.5)  # the planes are taken as C grows
+    exact = light(rows, None, rows.c_deg + np.where(order >= 6, 5.0, 0.0))
+    top = np.array([exact[rows.test == k].max() for k in range(len(TESTS))])[rows.test]
+    clear = order != 5  # there it slips
+    assert np.max((np.abs(made - exact) / np.hypot(exact, 0.02 * top))[clear]) < 0.01
+    assert made[order < 5] == pytest.approx(arm.readings.simulated[order < 5], rel=1e-6)
+
+
 def test_light_lies_tilted_where_an_axis_is_not_plumb(arm: Scene) -> None:
     """All light turned by 3° towards the east: at nadir the arm sees what lay in the west."""
     law = next(m for m in CONJECTURES if m.id == "tilted-axis")
