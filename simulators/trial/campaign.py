@@ -113,8 +113,17 @@ class Campaign:
     extras: dict[str, float] = field(default_factory=dict)
 
 
-def draw(rng: np.random.Generator, far: bool | None = None, designs: tuple[str, ...] = tuple(DESIGNS)) -> Campaign:
-    """Draw a campaign; ``far`` asks for a large goniometer (True), a small one (False) or either."""
+def draw(
+    rng: np.random.Generator,
+    far: bool | None = None,
+    designs: tuple[str, ...] = tuple(DESIGNS),
+    *,
+    broken: bool = False,
+) -> Campaign:
+    """Draw a campaign; ``far`` asks for a large goniometer (True), a small one (False) or either.
+
+    ``broken`` asks for clouds, but in the tests of the report, whose skies are what they were.
+    """
     planes = _planes(rng)
     gammas = np.array([0.0, 5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0])
     if rng.random() < 0.1:
@@ -130,7 +139,7 @@ def draw(rng: np.random.Generator, far: bool | None = None, designs: tuple[str, 
     else:
         name = str(rng.choice(list(SITES)))
         site = SITES[name]
-        tests = _other_tests(rng, site, tuple(systems), planes, len(gammas))
+        tests = _other_tests(rng, site, tuple(systems), planes, len(gammas), broken)
     care = Care(
         noise=float(np.exp(rng.uniform(math.log(0.005), math.log(0.03)))),
         floor_lx=float(np.exp(rng.uniform(math.log(0.02), math.log(0.2)))),
@@ -197,9 +206,9 @@ def _report_tests(rng: np.random.Generator, planes: Floats, sensors: int) -> tup
 
 
 def _other_tests(
-    rng: np.random.Generator, site: Site, systems: tuple[str, ...], planes: Floats, sensors: int
+    rng: np.random.Generator, site: Site, systems: tuple[str, ...], planes: Floats, sensors: int, broken: bool
 ) -> tuple[Test, ...]:
-    """Tests on one or two days of some year, when the sun is between 13 and 86 degrees high."""
+    """Tests on one or two days of some year, ``broken`` by clouds, when the sun is between 13 and 86 degrees high."""
     count = int(rng.integers(4, 15))
     day = datetime(int(rng.integers(2009, 2026)), 1, 1, tzinfo=UTC) + timedelta(days=int(rng.integers(0, 365)))
     days = [day] if rng.random() < 0.5 else [day, day + timedelta(days=int(rng.integers(1, 4)))]
@@ -211,7 +220,7 @@ def _other_tests(
     for k in range(1, count):
         starts[k] = max(starts[k], starts[k - 1] + 600 * NS)
     turbidity = float(rng.uniform(2.3, 5.5))
-    cloudy = rng.random() < 0.45
+    cloudy = rng.random() < 0.45 or broken
     table = SunTable(site, starts[0], starts[-1] + 600 * NS)
     tests: list[Test] = []
     for k, start in enumerate(starts):
@@ -231,7 +240,7 @@ def _other_tests(
         times = _times(start, end, len(planes), sensors)
         system = systems[int(rng.integers(len(systems)))] if k >= len(systems) else systems[k]
         tests.append(_test(f"T{len(tests) + 1:02d}", system, sky, start, end, light, times))
-    return tuple(tests) if len(tests) >= 4 else _other_tests(rng, site, systems, planes, sensors)
+    return tuple(tests) if len(tests) >= 4 else _other_tests(rng, site, systems, planes, sensors, broken)
 
 
 def usable_minutes(site: Site, day: datetime) -> NDArray[np.int64]:
