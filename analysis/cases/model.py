@@ -15,7 +15,7 @@ from analysis.photometry.lm63 import read_lm63
 from labdaq.errors import DataError
 
 USUAL_ARM_M = 2.6
-"""Distance of the sensors where a case does not give it [m]: the report's arm (its chapter 5)."""
+"""Distance of the sensors where a case does not give it [m]: that of the emulated arm and of docs/cases.md."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -109,7 +109,7 @@ class StrayLight(Mechanism):
     share = Parameter(
         "one_sided", "1", "share of the light that comes from that side", 0.0, 1.0, 0.5, (0.6,), centre=0.5
     )
-    needs = "goniometer (its distance; else the report's is taken, and the illuminance is as uncertain)"
+    needs = "goniometer (its distance; else 2.6 m are taken, and the illuminance is as uncertain)"
     source = (
         "I_add = d² E_stray, constant or proportional to the global illuminance; a share s of it from one side, a lamp "
         "or a door, to first order E_stray (1 + s sin(gamma) cos(C - C_side))"
