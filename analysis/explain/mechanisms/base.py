@@ -96,7 +96,7 @@ class Mechanism:
     formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``local_error`` (the same,
     from one direction to the next), ``like_a_lens`` (its effect looks like that of a lens simulated a little wrong,
     which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``in_one_test`` (on a roof
-    it may act in a single test).
+    it may act in a single test), ``in_time`` (it is a function of time, or of the order of the readings).
     """
 
     id: ClassVar[str]
@@ -113,10 +113,11 @@ class Mechanism:
     like_a_lens: ClassVar[bool] = False
     modelled_twice: ClassVar[bool] = False
     in_one_test: ClassVar[bool] = False
+    in_time: ClassVar[bool] = False
 
     def why_not(self, scene: Scene) -> str:
         """Why this case cannot be tried for the mechanism; empty when it can."""
-        return ""
+        return "the records carry no time" if self.in_time and not scene.readings.has_times else ""
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The discrete ways to try."""

@@ -28,10 +28,7 @@ class SlowSensors(Mechanism):
     needs = "times of the records"
     source = "first-order lag: y_i + k (y_(i-1) - y_i)"
     tie_breaker = "a scan at half the speed"
-
-    def why_not(self, scene: Scene) -> str:
-        """The order of the readings must be known."""
-        return "" if scene.readings.has_times else "the records carry no time"
+    in_time = True
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Mix in the reading before, of the same sensor in the same test."""
@@ -53,10 +50,7 @@ class WarmingSensors(Mechanism):
     needs = "times of the records"
     source = "y (1 + b (t - middle) / duration)"
     tie_breaker = "a thermometer at the sensors, and a lamp read every minute"
-
-    def why_not(self, scene: Scene) -> str:
-        """A drift needs times."""
-        return "" if scene.readings.has_times else "the records carry no time"
+    in_time = True
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Scale by the drift."""

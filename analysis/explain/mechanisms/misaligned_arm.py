@@ -65,11 +65,12 @@ class Backlash(Mechanism):
     needs = "times of the records, and planes taken in both senses of turning"
     source = "I(gamma, C - d/2 in the sense of turning); hysteresis of a gear"
     tie_breaker = "the same plane reached from both sides"
+    in_time = True
 
     def why_not(self, scene: Scene) -> str:
         """The sense of turning must be known, and must change."""
-        if not scene.readings.has_times:
-            return "the records carry no time"
+        if missing := super().why_not(scene):
+            return missing
         senses = scene.remember(_sense_of_turning)[scene.is_gonio]
         return "" if np.any(senses > 0) and np.any(senses < 0) else "the arm always turned the same way"
 
@@ -101,10 +102,7 @@ class SlippedArm(Mechanism):
     needs = "times of the records"
     source = "I(gamma, C + d) after the same share of each scan"
     tie_breaker = "the first plane of each scan once more at its end"
-
-    def why_not(self, scene: Scene) -> str:
-        """The order of the planes must be known."""
-        return "" if scene.readings.has_times else "the records carry no time"
+    in_time = True
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Sample the fields where the arm stood; a plane in which it slipped counts for both."""

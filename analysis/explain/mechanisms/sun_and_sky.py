@@ -138,10 +138,7 @@ class CloudDrift(Mechanism):
     )
     tie_breaker = "the same sky scanned twice with the planes in reverse order, or a roof meter read every second"
     random = True
-
-    def why_not(self, scene: Scene) -> str:
-        """A function of time needs times."""
-        return "" if scene.readings.has_times else "the records carry no time"
+    in_time = True
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how strong and how fast."""
