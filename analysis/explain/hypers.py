@@ -15,6 +15,8 @@ from analysis.explain.readings import GONIOMETER, ROOF, Readings
 _WIDE: Final = float(np.log(2.5))
 STRIDES: Final = (4, 2, 1)
 """Steps of a search on a lattice; coarse ones alone find the neighbourhood."""
+_CHEAP_FIRST: Final = 2, 1, 0
+"""Axes in the order in which they are climbed: blocks need not be factored again for another error of the lens."""
 Place = tuple[int, int, int]
 
 
@@ -88,12 +90,20 @@ class Lattice:
 
         top = self.nearest(start)
         for stride in strides:
-            moved = True
-            while moved:
-                best = max((place for _, place in self.beside(top, stride)), key=at, default=top)
-                moved = at(best) > at(top)
-                top = best if moved else top
+            before = None
+            while before != top:
+                before = top
+                for axis in _CHEAP_FIRST:
+                    top = self._along(axis, top, stride, at)
         return self.at(top), at(top) + sum(self._about(axis, top, at) for axis in range(3))
+
+    def _along(self, axis: int, top: Place, stride: int, at: Callable[[Place], float]) -> Place:
+        """The best place reached from ``top`` by strides along one axis, each of which is better than the one before."""
+        while True:
+            best = max((place for k, place in self.beside(top, stride) if k == axis), key=at, default=top)
+            if at(best) <= at(top):
+                return top
+            top = best
 
     def _about(self, axis: int, top: Place, at: Callable[[Place], float]) -> float:
         """Log of the sum along one axis over the value at the top, as of a parabola through the neighbours."""
