@@ -98,7 +98,7 @@ class Lattice:
         return self.at(top), at(top) + sum(self._about(axis, top, at) for axis in range(3))
 
     def _along(self, axis: int, top: Place, stride: int, at: Callable[[Place], float]) -> Place:
-        """The best place reached from ``top`` by strides along one axis, each of which is better than the one before."""
+        """The best place reached from ``top`` by strides along one axis, each to a better place."""
         while True:
             best = max((place for k, place in self.beside(top, stride) if k == axis), key=at, default=top)
             if at(best) <= at(top):
