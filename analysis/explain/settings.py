@@ -14,14 +14,16 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
-from analysis.explain.ratios import Field, over, ratio
+from analysis.explain.ratios import Field, over
 from analysis.explain.retrace import Path, by_system
 from analysis.explain.tracing import (
     DEPTHS,
+    DIAGONAL,
     DIFFUSE_SHARES,
     HAZE,
     HAZES,
     IMAGE_DEG,
+    ISOTROPIC,
     SCATTERS_DEG,
     TURNS_DEG,
     Setting,
@@ -43,6 +45,10 @@ EVENED: Final = ", evened out"
 EVENED_DEG: Final = {IMAGE_DEG: "", 12.0: EVENED}
 """Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
 images elsewhere, so that what a setting does to an image is told only as far as images of both lenses overlap."""
+PATTERNS: Final[dict[str, Setting]] = {
+    "a pattern, not its mean": (),
+    "a pattern along the diagonals, not its mean": (DIAGONAL,),
+}
 LEAST, MOST = 0.05, 0.998
 """Changes of a wall's reflectance that are tried, and between what it must stay."""
 MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
@@ -128,25 +134,39 @@ def _dirt(traced: Tracing) -> Iterator[Path]:
 
 
 def _isotropy(traced: Tracing) -> Iterator[Path]:
-    """From a simulation that knows no pattern to one that does; which of the two was predicted, `likeness` says."""
-    other = traced.lit((("isotropic", True),))
-    one = np.ones_like(other[0])
-    given = np.zeros(len(traced.case.tests), dtype=bool)
-    given[[k for name, days in traced.days.items() if knows_no_pattern(traced.systems[name]) for k, _ in days]] = True
+    """From a simulation that knows no pattern to one that does; which of the two was predicted, `likeness` says.
+
+    A prediction without a pattern does not show how it lies, along the skylight's sides or along their diagonals, nor
+    how sharp it is.
+    """
     weight = Parameter(
         "weight",
         "1",
-        "how much of the pattern the simulation had lost (1 = all)",
+        "contrast of the pattern that the simulation had lost (1 = that of the lens that was traced)",
         0.0,
-        1.5,
-        0.5,
-        (0.1, 0.4, 1.0),
+        4.0,
+        1.0,
+        (0.1, 0.4, 1.0, 3.0),
     )
-    for width, note in EVENED_DEG.items():
-        over = traced.over_base(other, width)
-        sun, sky = (np.where(given[:, None, None], r, ratio(one, r)) for r in over)
-        path = np.stack([one, sun]), np.stack([one, sky])
-        yield Path(f"a pattern, not its mean{note}", weight, np.array([0.0, 1.0]), *path)
+    for label, turn in PATTERNS.items():
+        new, old = _pattern(traced, turn)
+        one = np.ones_like(old[0])
+        for width, note in EVENED_DEG.items():
+            sun, sky = over(traced.wide(new, width), traced.wide(old, width))
+            path = np.stack([one, sun]), np.stack([one, sky])
+            yield Path(label + note, weight, np.array([0.0, 1.0]), *path, geometric=True)
+
+
+def _pattern(traced: Tracing, turn: Setting) -> tuple[Field, Field]:
+    """Light with the pattern, turned so, and without any."""
+    other, turned = traced.lit((ISOTROPIC, *turn)), traced.lit(turn) if turn else traced.base
+    given = np.zeros((len(traced.case.tests), 1, 1), dtype=bool)
+    given[[k for name, days in traced.days.items() if knows_no_pattern(traced.systems[name]) for k, _ in days]] = True
+
+    def of_each(blank: Field, known: Field) -> Field:
+        return np.where(given, blank[0], known[0]), np.where(given, blank[1], known[1])
+
+    return of_each(other, turned), of_each(traced.base, traced.lit((ISOTROPIC,)))
 
 
 def _scatter(traced: Tracing) -> Iterator[Path]:

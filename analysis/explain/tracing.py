@@ -27,6 +27,9 @@ from labdaq.errors import LabdaqError
 Setting = tuple[tuple[str, float | str], ...]
 
 TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
+ISOTROPIC: Final = ("isotropic", True)
+"""Where the prediction knows no pattern, this setting has one (`on_top`)."""
+DIAGONAL: Final = ("rotation_deg", 45.0)
 DIFFUSE_SHARES: Final = (0.15,)
 SCATTERS_DEG: Final = (5.0, 15.0)
 AUREOLES_DEG: Final = (3.0, 8.0)
@@ -71,7 +74,7 @@ SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
     "lens-haze": ("haze",),
     "soiling": ("soiling",),
     "lens-orientation": ("rotation_deg",),
-    "lens-anisotropy": ("isotropic",),
+    "lens-anisotropy": ("isotropic", "rotation_deg"),
     "wall-scatter": ("diffuse_fraction", "scatter_deg"),
 }
 """Settings that are traced for a mechanism; those of other mechanisms need none but the systems as described."""
@@ -263,7 +266,9 @@ def _settings(system: System) -> list[Setting]:
         made += [(("soiling", depth),) for depth in DEPTHS]
     if "prismatic" in (system.entry.kind, system.exit.kind):
         made += [(("rotation_deg", t),) for t in TURNS_DEG]
-        made += [(("isotropic", True),)]
+        made += [(ISOTROPIC,)]
+        if knows_no_pattern(system):
+            made += [(ISOTROPIC, DIAGONAL)]
     if system.wall.finish == "specular":
         made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
         made += [(("scatter_deg", s),) for s in SCATTERS_DEG]

@@ -126,6 +126,18 @@ def test_all_walls_alike_is_each_wall_where_it_stands(made: Retracings) -> None:
         assert np.allclose(alone.sky[m][1 - test], 1.0), "the other system's wall is as it was"
 
 
+def test_a_pattern_along_the_diagonals_is_the_pattern_turned(made: Retracings) -> None:
+    """What is lost beside it is the same, and so they differ by what a turn of 45 degrees does."""
+    plain, across = (
+        np.log(_path(made, "lens-anisotropy", f"a pattern{how}, not its mean").sun[1])
+        for how in ("", " along the diagonals")
+    )
+    turns = _path(made, "lens-orientation", "own re-simulation")
+    turned = np.log(turns.sun[int(np.flatnonzero(turns.positions == 45.0)[0])])
+    assert np.std(turned) > 0.05
+    assert np.corrcoef((across - plain).ravel(), turned.ravel())[0, 1] > 0.97
+
+
 def test_darker_walls_take_light(made: Retracings) -> None:
     path = _path(made, "wall-reflectance", "all systems alike")
     flux = path.sky.mean(axis=(2, 3))  # (settings, tests)
