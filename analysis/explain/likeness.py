@@ -15,6 +15,7 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
+from analysis.explain.symmetry import is_even
 from analysis.explain.tracing import SHARP_SIDE
 from analysis.simulate.daylight import Daylight, sun_source
 from analysis.simulate.system import LENS_PLACES, System
@@ -68,7 +70,9 @@ _DARK: Final = 0.02
 _GAIN: Final = 0.92
 """Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
 _NO_PATTERN: Final = 0.94
-"""The same of lenses without a pattern, against those with one."""
+"""The same of lenses without a pattern, against those with one,"""
+_NO_PATTERN_IF_EVEN: Final = 1.1
+"""and where some system's prediction is even about the sun's plane."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +101,19 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Likened:
-    """A system as its prediction shows it; what it sends out is spread by ``spread_deg`` rms more than is traced."""
+    """A system as its prediction shows it.
+
+    Attributes
+    ----------
+    spread_deg
+        What it sends out is spread by so much more than is traced (rms).
+    even
+        Whether predictions of the case are even about the sun's plane (`symmetry`), and so know no pattern.
+    """
 
     system: System
     spread_deg: float = 0.0
+    even: bool = False
 
     def spread(self, light: Floats) -> Floats:
         """A light (T, P, G) [cd] of the traced system as the prediction would show it."""
@@ -118,10 +131,13 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
         looks = {name: look for name, look in found.items() if look is not None}
         best = list(pool.map(_Look.patterned, looks.values()))
         blurred = list(pool.map(_Look.patternless, looks.values(), best))
-        if looks and _unlike(looks.values(), blurred) < _NO_PATTERN * _unlike(looks.values(), best):
+        even = any(look.even for look in looks.values())
+        limit = _NO_PATTERN_IF_EVEN if even else _NO_PATTERN
+        if looks and _unlike(looks.values(), blurred) < limit * _unlike(looks.values(), best):
             best = blurred
-        hazy = dict(zip(looks, pool.map(_Look.hazy, looks.values(), best), strict=True))
-    return {name: hazy.get(name, Likened(system)) for name, system in systems.items()}
+        even = even and best is blurred
+        hazy = dict(zip(looks, pool.map(partial(_Look.hazy, even=even), looks.values(), best), strict=True))
+    return {name: hazy.get(name, Likened(system, even=even)) for name, system in systems.items()}
 
 
 def _unlike(looks: Iterable["_Look"], chosen: Iterable[Prisms]) -> float:
@@ -137,14 +153,15 @@ def _look(system: System, what: Predicted, tracers: Executor) -> "_Look | None":
     lit.sort(key=lambda k: what.days[k].sun_altitude_deg)
     chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
     days = [what.days[k] for k in chosen]
-    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), tracers)
+    even = is_even(what.days, what.seen, what.sky, system.rotation_deg)
+    return _Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), even, tracers)
 
 
 class _Look:
     """A system's sun part with other lenses, beside the predicted one; those to choose from are traced side by side."""
 
-    def __init__(self, system: System, places: list[str], what: Predicted, tracers: Executor) -> None:
-        self.system, self.places, self.field, self.tracers = system, places, what.field, tracers
+    def __init__(self, system: System, places: list[str], what: Predicted, even: bool, tracers: Executor) -> None:
+        self.system, self.places, self.field, self.even, self.tracers = system, places, what.field, even, tracers
         self.source = sun_source(what.days)
         self.use = Settings(
             rays=RAYS,
@@ -243,13 +260,17 @@ class _Look:
             light = self.sky + light * self.suns / np.maximum(_flux(light), 1e-12)
         return float(np.sqrt(np.mean((_logs(light[..., : self.known_to]) - self.seen) ** 2)))
 
-    def hazy(self, prisms: Prisms) -> Likened:
-        """The system with such prisms if they are much better than the supposed, and the haze that fits best."""
-        if self.unlike(prisms) > _GAIN * self.unlike(self.supposed):
-            prisms, system = self.supposed, self.system
+    def hazy(self, prisms: Prisms, even: bool) -> Likened:
+        """The system with such prisms if they are much better than the supposed, and the haze that fits best.
+
+        Where predictions are ``even``, the supposed have no pattern either.
+        """
+        supposed = self.supposed._replace(isotropic=True) if even else self.supposed
+        if self.unlike(prisms) > _GAIN * self.unlike(supposed):
+            prisms, system = supposed, self.with_lens(supposed) if even else self.system
         else:
             system = self.with_lens(prisms)
-        found = Likened(system, self.looked(prisms)[1])
+        found = Likened(system, self.looked(prisms)[1], even)
         plain = found.spread(self.light(system))
         hazier = (system.with_settings({f"{p}.haze": _TRACED_HAZE}) for p in self.places)
         more = [(found.spread(self.light(other)) - plain) / _TRACED_HAZE for other in hazier]

@@ -154,7 +154,10 @@ class LensOrientation(Retraced):
     tie_breaker = "turn the skylight by 90°"
 
     def why_not(self, scene: Scene) -> str:
-        """Something must be had of re-simulation and the sun's image."""
+        """Something must be had of re-simulation and the sun's image, and the prediction must have a pattern."""
+        simulator = scene.retraced.simulator if scene.retraced else None
+        if simulator and any(like.even for like in simulator.traced_systems().values()):
+            return "the prediction knows no pattern that could lie turned: it is even about the sun's plane"
         return "" if scene.readings.has_parts or self.branches(scene) else NO_VARIANT
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
