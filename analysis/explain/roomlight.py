@@ -40,7 +40,7 @@ class RoomLight:
     def added(self, field: Floats, wall_reflectance: float, floor_reflectance: float) -> Floats:
         """Light added at each direction (T, P, G) [cd] for fields (T, P, G) [cd]."""
         room = Room(self.size_m, wall_reflectance, floor_reflectance, wall_reflectance)
-        sent = room.exitance(np.asarray(self.lit @ field.reshape(len(field), -1).T))
+        sent = room.exitance_soon(np.asarray(self.lit @ field.reshape(len(field), -1).T))
         return _refine(np.asarray(self.seen @ sent).T.reshape(len(field), len(_PLANES), -1))
 
 

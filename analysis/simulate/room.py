@@ -85,15 +85,35 @@ class Room:
     def exitance(self, direct_lx: Floats) -> Floats:
         """Exitance [lm/m²] of the patches after all bounces, for direct illuminances (patches, ...) [lx]."""
         patches = patches_of(self.size_m)
+        return _bounced(patches.factors, self._reflectance(patches.surface, direct_lx.ndim), direct_lx)
+
+    def exitance_soon(self, direct_lx: Floats) -> Floats:
+        """`exitance` in a tenth of the time: the first bounce as exactly, later ones by four patches at once."""
+        patches = patches_of(self.size_m)
+        rho = self._reflectance(patches.surface, direct_lx.ndim)
+        quads, factors = patches.by_four
+        direct = np.asarray(rho * direct_lx)[quads].mean(axis=1)
+        again = factors @ direct  # light on each four from what has bounced once
+        total = _bounced(factors, self._reflectance(patches.surface[quads[:, 0]], direct_lx.ndim), again)
+        arriving = np.empty_like(direct_lx)
+        arriving[quads] = (again + factors @ total)[:, None]
+        return np.asarray(rho * (direct_lx + arriving))
+
+    def _reflectance(self, surface: Whole, dimensions: int) -> Floats:
+        """Reflectance of each patch, to be multiplied with arrays of so many dimensions."""
         by_surface = np.array([self.wall] * 4 + [self.floor, self.ceiling])
-        rho: Floats = by_surface[patches.surface].reshape(-1, *[1] * (direct_lx.ndim - 1))
-        first: Floats = rho * direct_lx
-        total: Floats = first
-        for _ in range(200):
-            before, total = total, np.asarray(first + rho * (patches.factors @ total))
-            if np.allclose(before, total, rtol=1e-6, atol=0.0):
-                break
-        return total
+        return np.asarray(by_surface[surface].reshape(-1, *[1] * (dimensions - 1)))
+
+
+def _bounced(factors: Floats, rho: Floats, direct_lx: Floats) -> Floats:
+    """Exitance after all bounces between patches of reflectances ``rho``."""
+    first: Floats = rho * direct_lx
+    total: Floats = first
+    for _ in range(200):
+        before, total = total, np.asarray(first + rho * (factors @ total))
+        if np.allclose(before, total, rtol=1e-6, atol=0.0):
+            break
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +137,13 @@ class Patches:
     surface: Whole
     points: Floats
     factors: Floats
+
+    @functools.cached_property
+    def by_four(self) -> tuple[Whole, Floats]:
+        """The patches of each square of four, shape (n / 4, 4), and the form factors between such squares."""
+        numbers = np.arange(len(self.surface)).reshape(-1, CELLS // 2, 2, CELLS // 2, 2)
+        quads = numbers.transpose(0, 1, 3, 2, 4).reshape(-1, 4)
+        return quads, np.asarray(self.factors[quads].mean(axis=1)[:, quads].sum(axis=2))
 
     def reach(self, far: Distribution) -> Floats:
         """Mean direct illuminance [lx] of each patch from the aperture, taken as a point."""

@@ -47,6 +47,17 @@ def test_energy_of_many_bounces() -> None:
     assert float(absorbed.sum()) == pytest.approx(float(direct.sum()), rel=0.01)
 
 
+@pytest.mark.parametrize(("rho", "error"), [(0.05, 0.01), (0.3, 0.05), (0.6, 0.08)])
+def test_later_bounces_may_be_taken_by_four_patches_at_once(rho: float, error: float) -> None:
+    """Each patch to a share, and the flux as exactly as form factors from patches' middles conserve it."""
+    patches = patches_of(SIZE)
+    direct = np.stack([patches.reach(lambertian()), np.maximum(0.0, patches.middle @ [0.3, 0.5, -0.8]) ** 4], axis=1)
+    room = Room(SIZE, wall=rho, floor=rho / 2.0, ceiling=rho)
+    exact, soon = room.exitance(direct), room.exitance_soon(direct)
+    assert np.all(np.std(soon - exact, axis=0) < error * exact.mean(axis=0))
+    assert soon.sum(axis=0) == pytest.approx(exact.sum(axis=0), rel=2e-3)
+
+
 def test_figures_of_radiance() -> None:
     """Room light over direct light in per cent, rtrace -ab 4, a Lambertian aperture, walls .043, floor .015."""
     added = Room(SIZE, half_angle_deg=90.0).added(lambertian(), GAMMA, 22.5, 2.6, 0.3)
