@@ -16,13 +16,14 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
+from analysis.explain.prisms import TURNS_DEG, Prisms
 from analysis.explain.symmetry import is_even
 from analysis.explain.tracing import SHARP_SIDE
 from analysis.simulate.daylight import Daylight, sun_source
@@ -30,33 +31,10 @@ from analysis.simulate.system import LENS_PLACES, System
 from analysis.simulate.tally import Field
 from analysis.simulate.tracer import Settings, trace
 
-
-class Prisms(NamedTuple):
-    """Lenses that are tried: which side of each carries its prisms, and places on the lattice of the rest.
-
-    A simulation that knows no directions in a lens's plane is ``isotropic``; one that is told no more than a case tells
-    has a ``flat`` cover, and a well without a boot.
-    """
-
-    sides: tuple[str, ...]
-    slope: int
-    blur: int
-    turn: int = 0
-    isotropic: bool = False
-    flat: bool = False
-
-
-SIDES: Final = ("down", "up")
-SLOPES_DEG: Final = (18.0, 20.25, 22.5, 24.75, 27.0, 29.25, 31.5, 33.75, 36.0, 39.0, 42.0)
-BLURS_DEG: Final = (2.0, 4.0, 7.0, 11.0, 16.0)
 SPREADS_DEG: Final = (0.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0)
 """Rms widths by which all light is spread as it leaves, as by a rough surface."""
-TURNS_DEG: Final = tuple(7.5 * k for k in range(12))
-"""Of the pattern, against how it is supposed to lie; a pattern of pyramids is itself after a quarter turn."""
 HAZES: Final = (0.0, 0.07, 0.15, 0.25, 0.4)
 """What is tried; the lens that is supposed without a prediction is among them."""
-_BEGIN: Final = 8, 3
-"""Slope and tilt of a second beginning for each way that the prisms may look."""
 SUNS: Final = 3
 """So many of a system's tests are compared, from the lowest sun to the highest."""
 RAYS: Final = 16_000
@@ -176,41 +154,18 @@ class _Look:
         self.suns = np.maximum(_flux(what.seen) - _flux(what.sky), 0.0)
         self.seen = _logs(what.seen[..., : self.known_to])
         self.known: dict[Prisms, tuple[float, float]] = {}
-        lens = getattr(system, places[0])
-        self.supposed = Prisms(
-            tuple(getattr(system, p).prisms for p in places),
-            _nearest(SLOPES_DEG, lens.slope_deg),
-            _nearest(BLURS_DEG, lens.blur_deg),
-            isotropic=lens.isotropic,
-        )
+        self.supposed = Prisms.of([getattr(system, place) for place in places])
 
     def patterned(self) -> Prisms:
         """The least unlike that knows directions in the lens's plane.
 
         Prisms of one side never become those of the other on the way: each is looked for by itself.
         """
-        return self.turned(self.least([self.best(begun) for begun in self.beginnings()]))
+        return self.turned(self.least([self.best(begun) for begun in self.supposed.beginnings()]))
 
     def patternless(self, like: Prisms) -> Prisms:
         """The least unlike that knows none, begun at what is best with them."""
         return self.best([like._replace(isotropic=True, turn=0)])
-
-    def beginnings(self) -> list[list[Prisms]]:
-        """For each way that the prisms may look two places, below either cover."""
-        places = itertools.product(((self.supposed.slope, self.supposed.blur), _BEGIN), (False, True))
-        begun = [(*at, flat) for at, flat in places]
-        sides = itertools.product(SIDES, repeat=len(self.places))
-        return [[Prisms(side, slope, blur, flat=flat) for slope, blur, flat in begun] for side in sides]
-
-    def with_lens(self, prisms: Prisms) -> System:
-        """The system with such prisms in all its places."""
-        values: dict[str, float | str | bool] = {"rise_m": 0.0, "boot_height_m": 0.0} if prisms.flat else {}
-        for place, side in zip(self.places, prisms.sides, strict=True):
-            values |= {f"{place}.prisms": side, f"{place}.isotropic": prisms.isotropic}
-            values |= {f"{place}.slope_deg": SLOPES_DEG[prisms.slope], f"{place}.blur_deg": BLURS_DEG[prisms.blur]}
-            own = getattr(self.system, place).orientation_deg
-            values[f"{place}.orientation_deg"] = own + TURNS_DEG[prisms.turn]
-        return self.system.with_settings(values)
 
     def light(self, system: System) -> Floats:
         """Its sun part, (T, P, G) [cd]."""
@@ -225,7 +180,7 @@ class _Look:
     def looked(self, prisms: Prisms) -> tuple[float, float]:
         """The same, and the spread [deg] with which it is so (the haze is a cosine lobe; ASTM D1003)."""
         if prisms not in self.known:
-            light = self.light(self.with_lens(prisms))
+            light = self.light(prisms.under(self.system, self.places))
             lobe = _flux(light) * np.cos(np.radians(GAMMA_DEG)) / np.pi
             looks = {w: self.hazed(Likened(self.system, w).spread(light), lobe) for w in SPREADS_DEG}
             best = min(looks, key=looks.__getitem__)
@@ -240,7 +195,7 @@ class _Look:
     def best(self, begun: list[Prisms]) -> Prisms:
         """The least unlike that is reached from the best beginning, in steps of slope, tilt and turn."""
         best = self.least(begun)
-        while self.unlike(better := self.least(_beside(best))) < self.unlike(best):
+        while self.unlike(better := self.least(best.beside())) < self.unlike(best):
             best = better
         return best
 
@@ -267,9 +222,9 @@ class _Look:
         """
         supposed = self.supposed._replace(isotropic=True) if even else self.supposed
         if self.unlike(prisms) > _GAIN * self.unlike(supposed):
-            prisms, system = supposed, self.with_lens(supposed) if even else self.system
+            prisms, system = supposed, supposed.under(self.system, self.places) if even else self.system
         else:
-            system = self.with_lens(prisms)
+            system = prisms.under(self.system, self.places)
         found = Likened(system, self.looked(prisms)[1], even)
         plain = found.spread(self.light(system))
         hazier = (system.with_settings({f"{p}.haze": _TRACED_HAZE}) for p in self.places)
@@ -295,16 +250,3 @@ def _logs(light: Floats) -> Floats:
     brightest = np.maximum(light.max(axis=(1, 2), keepdims=True), 1e-12)
     logs = np.log(np.maximum(light, 0.0) / brightest + _DARK)
     return np.asarray(logs - logs.mean(axis=(1, 2), keepdims=True))
-
-
-def _nearest(values: tuple[float, ...], wanted: float) -> int:
-    return int(np.argmin(np.abs(np.array(values) - wanted)))
-
-
-def _beside(prisms: Prisms) -> list[Prisms]:
-    """Neighbours on the lattice of slopes and tilts, and of turns where it is turned; and the other cover."""
-    slope, blur, turn = prisms.slope, prisms.blur, prisms.turn
-    near = [prisms._replace(slope=k) for k in (slope - 1, slope + 1) if 0 <= k < len(SLOPES_DEG)]
-    near += [prisms._replace(blur=k) for k in (blur - 1, blur + 1) if 0 <= k < len(BLURS_DEG)]
-    near.append(prisms._replace(flat=not prisms.flat))
-    return near + [prisms._replace(turn=k % len(TURNS_DEG)) for k in (turn - 1, turn + 1) if turn]
