@@ -88,7 +88,10 @@ class Room:
         return _bounced(patches.factors, self._reflectance(patches.surface, direct_lx.ndim), direct_lx)
 
     def exitance_soon(self, direct_lx: Floats) -> Floats:
-        """`exitance` in a tenth of the time: the first bounce as exactly, later ones by four patches at once."""
+        """`exitance` [lm/m²] in a tenth of the time: the first bounce as exactly, later ones by four patches at once.
+
+        Shapes as there. Of a room of .05 reflectance patches differ by half a per cent, of .3 by 3 %; fluxes by .1 %.
+        """
         patches = patches_of(self.size_m)
         rho = self._reflectance(patches.surface, direct_lx.ndim)
         quads, factors = patches.by_four
