@@ -1,7 +1,6 @@
 """Whether a prediction knows a pattern is seen from its two sides."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -11,13 +10,14 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import blurred
 from analysis.explain.likeness import Likened
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.retrace import Path, Retraced
+from analysis.explain.retrace import Retraced
 from analysis.explain.scene import Scene
 from analysis.explain.symmetry import is_even
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
 from analysis.simulate.tracer import Settings, trace
 from labdaq.directions import c_of_azimuth
+from tests.analysis.explain.untraced import Untraced
 
 AZIMUTHS_DEG = (113.0, 150.0, 201.0, 238.0)
 DAYS = [daylight(40.0, azimuth, 70_000.0, 12_000.0, "perez") for azimuth in AZIMUTHS_DEG]
@@ -62,29 +62,8 @@ def test_a_tube_is_even_only_below_a_lens_without_a_pattern(isotropic: bool, eve
     assert is_even(DAYS, light, NO_SKY) is even
 
 
-class Seen:
-    """A simulator that has traced nothing, but has seen whether predictions are even."""
-
-    def __init__(self, even: bool) -> None:
-        self.even = even
-
-    def paths(self, mechanism: str) -> tuple[Path, ...]:
-        return ()
-
-    def aureole(self, width_deg: float) -> Floats | None:
-        return None
-
-    def near_field(self) -> tuple[Floats, Floats] | None:
-        return None
-
-    def sky_part(self) -> Floats | None:
-        return None
-
-    def traced_systems(self) -> Mapping[str, Likened]:
-        return {"box": Likened(SYSTEMS["box"], even=self.even)}
-
-
 @pytest.mark.parametrize("even", [True, False])
 def test_nothing_can_lie_turned_in_a_prediction_without_a_pattern(arm: Scene, even: bool) -> None:
-    seen = dataclasses.replace(arm, retraced=Retraced({}, Seen(even)))
+    traced = Untraced(systems={"box": Likened(SYSTEMS["box"], even=even)})
+    seen = dataclasses.replace(arm, retraced=Retraced({}, traced))
     assert ("no pattern" in BY_ID["lens-orientation"].why_not(seen)) is even
