@@ -17,6 +17,7 @@ from analysis.explain.mechanisms.goniometer import COffset, GammaOffset
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
+    CLOCK_AHEAD,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LEAST_EFFECT,
@@ -60,11 +61,21 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
 
     Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`); no
-    lens is wrong at one sensor alone. (Where a sensor's gain led, in five of 200 by three other authors, it was true.)
+    lens is wrong at one sensor alone, or by the sun's way. (Where a sensor's gain led, in five of 200 by three other
+    authors, it was true.)
     """
     lens = h.fit.hyper.lens
     far_wrong = not found.one_instrument and lens > WRONG_LENS and h.ids != (ChannelGain.id,)
-    return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong else 0.0)
+    return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not late_for_sure(h, found) else 0.0)
+
+
+def late_for_sure(h: Hypothesis, found: Conclusion) -> bool:
+    """Whether it is a clock below a skylight, far ahead of all other names (`CLOCK_AHEAD`)."""
+    if found.one_instrument or h.ids != (UNREST.name,):
+        return False
+    nothing = found.nothing.evidence
+    others = max((o.evidence for o in found.singles if UNREST.name not in o.ids), default=nothing)
+    return h.evidence - max(others, nothing) > CLOCK_AHEAD * float(np.sqrt(max(h.evidence - nothing, 0.0)))
 
 
 def _first(h: Hypothesis, found: Conclusion, few: float) -> float:

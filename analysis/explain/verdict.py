@@ -74,8 +74,9 @@ def decide(found: Conclusion, few: float) -> None:
         least = UNNAMED_ALONE_ONE if found.one_instrument else UNNAMED_ALONE
         found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
-        wrong = imitated or beaten or (rough and gain < LEAST_ROUGH)
-        wrong = wrong or (gain < STRONG and _another_lens(found))
+        void = (rough and gain < LEAST_ROUGH) or (gain < STRONG and _another_lens(found))
+        sure = asked.late_for_sure(found.best, found) and left <= _may_be_left(found, gain)
+        wrong = imitated or beaten or (void and not sure)
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or beaten:
         found.verdict = "unexplained"
