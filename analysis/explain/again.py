@@ -13,6 +13,7 @@ from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
+from analysis.explain.mechanisms.timing import HOUR, ClockOffset
 from analysis.explain.ratios import ratio
 from analysis.explain.retrace import Path
 from analysis.explain.roomlight import inside
@@ -39,7 +40,7 @@ SETTING_OF = {
     "offset_min": "minutes",
 }
 """Parameter of a path to the simulator's setting; minutes move the sun."""
-_OF_ALL = {"clock-offset"}
+_OF_ALL = {ClockOffset.id}
 """What is true of all systems, though the readings of one may tell it: there is one clock."""
 _ROOM_GAMMA = np.arange(0.0, 90.1, 7.5)
 _ROOM_C = np.arange(0.0, 360.0, 22.5)
@@ -89,6 +90,9 @@ def _sorted_out(
             system = None if everywhere else _system_in(scene, term.branch.label)
             settings.append((system, *_setting(name, float(p[0]), term.branch.label)))
             ids.append(term.mechanism.id)
+            if term.mechanism.id == ClockOffset.id:
+                kept.append(replace(term, branch=replace(term.branch, value=HOUR)))
+                values.append(p)
             continue
         if term.mechanism.id == "room-interreflection" and not isinstance(term.branch.value, Path):
             term = replace(term, mechanism=_Radiosity())

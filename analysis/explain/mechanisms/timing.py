@@ -1,6 +1,9 @@
 """Time: the clocks of roof and room."""
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.air_error import air_mass
@@ -18,6 +21,9 @@ _CLEAR_LOSS = 0.25
 """Optical depth of clear air, to divide out the sun's way."""
 _HOUR_MIN, _USUAL_MIN = 60.0, 8.0
 """Clocks are off by minutes, or by the hour of summer time."""
+HOUR = "the hour alone"
+"""What a clock changes where the sun's image is simulated elsewhere: how much of the daylight is the sun's."""
+_OF_THE_ROOF = "by the roof's clock"
 _NODE_MIN = 10.0
 """The sun's altitude is worked out for offsets so far apart."""
 _BEYOND_AIR_LX = 1.3e5
@@ -93,9 +99,13 @@ class ClockOffset(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """The sun at another time; where only roof meters were read, also everything predicted at another time.
 
+        Below a skylight illuminances may go by the roof's clock, too: under the sun that the room saw they were others.
         A second instrument saw the clouds that the first saw: of its series nothing but the whole can be late.
         """
-        ways = self._of_the_image(scene) if scene.kinds == ("goniometer",) else (Branch(),)
+        below = scene.kinds == ("goniometer",)
+        ways = self._of_the_image(scene) if below else (Branch(),)
+        if below:
+            ways = (*ways, *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", ")) for w in ways))
         steady = all(looks_one_way(scene, int(k)) for k in np.unique(scene.readings.channel))
         series = scene.on_the_roof and steady and series_of(scene)
         if not series:
@@ -142,10 +152,13 @@ class ClockOffset(Mechanism):
             light.sun_factor = light.sun_factor * sun
             light.sky_factor = light.sky_factor * sky
             return
-        if np.any(scene.is_roof):
+        brightens = scene.is_roof | (scene.is_gonio & branch.label.endswith(_OF_THE_ROOF))
+        if np.any(brightens):
             sun, sky = _clear_later(scene, _altitude_later(scene, float(p[0])))
-            light.sun_factor = np.where(scene.is_roof, light.sun_factor * sun, light.sun_factor)
-            light.sky_factor = np.where(scene.is_roof, light.sky_factor * sky, light.sky_factor)
+            light.sun_factor = np.where(brightens, light.sun_factor * sun, light.sun_factor)
+            light.sky_factor = np.where(brightens, light.sky_factor * sky, light.sky_factor)
+        if branch.value == HOUR:
+            return
         if branch.value == "image":
             light.sun = _with_the_sun(scene, light.sun, float(p[0]))
             return
@@ -164,10 +177,9 @@ class ClockOffset(Mechanism):
 
 def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
     """The sun part (T, P, G) ``minutes`` later: its image turned by the arc that the sun went."""
-    r = scene.readings
-    middles = [int(r.utc_ns[r.test == k].mean()) if np.any(r.test == k) else 0 for k in range(len(field))]
-    now = directions.sky_vector(*sun_at(r.case, np.array(middles, dtype=np.int64)))
-    later = directions.sky_vector(*sun_at(r.case, np.array(middles, dtype=np.int64) + np.int64(round(minutes * 60e9))))
+    case, middles = scene.readings.case, _middles(scene)
+    now = directions.sky_vector(*sun_at(case, middles))
+    later = directions.sky_vector(*sun_at(case, middles + np.int64(round(minutes * 60e9))))
     across = np.cross(now, later)
     sine = np.linalg.norm(across, axis=1)
     axis = across / np.maximum(sine, 1e-12)[:, None]
@@ -178,13 +190,16 @@ def _clear_later(scene: Scene, altitude_deg: Floats) -> tuple[Floats, Floats]:
     """Sun and sky part under a steady sky when the sun stands at these altitudes, over those now; shapes (N,).
 
     The beam's loss in the air grows with the air mass (Kasten 1966); the sky brightens as the root of the sun's height.
+    Below a skylight, where readings tell no illuminance, the air is taken as clear.
     """
     r = scene.readings
     later = np.maximum(altitude_deg, 0.5)
-    now = np.maximum(r.sun_altitude_at_deg, 0.5)
+    below = scene.kinds == ("goniometer",)
+    now = np.maximum(scene.remember(_altitude_at_node, 0.0) if below else r.sun_altitude_at_deg, 0.5)
     height = np.sin(np.radians(later)) / np.sin(np.radians(now))
     normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
     lost = -np.log(np.clip(normal / _BEYOND_AIR_LX, 0.02, 0.98))  # through today's air mass, cloud included
+    lost = _CLEAR_LOSS * air_mass(now) if below else lost
     return height * np.exp(-lost * (air_mass(later) / air_mass(now) - 1.0)), np.sqrt(height)
 
 
@@ -202,9 +217,18 @@ def _altitude_later(scene: Scene, minutes: float) -> Floats:
 
 
 def _altitude_at_node(scene: Scene, node: float) -> Floats:
-    """The sun's altitude [deg] so many nodes after each reading; (N,)."""
+    """The sun's altitude [deg] so many nodes after each reading, or below a skylight after its test's middle; (N,)."""
+    r, late = scene.readings, np.int64(round(node * _NODE_MIN * 60e9))
+    if scene.kinds == ("goniometer",):  # thousands of readings, of tests that are predicted for one moment
+        return np.asarray(sun_at(r.case, _middles(scene) + late)[0][r.test])
+    return np.asarray(sun_at(r.case, r.utc_ns + late)[0])
+
+
+def _middles(scene: Scene) -> NDArray[np.int64]:
+    """The middle moment of each test's readings [ns]; (T,)."""
     r = scene.readings
-    return np.asarray(sun_at(r.case, r.utc_ns + np.int64(round(node * _NODE_MIN * 60e9)))[0])
+    tests = range(len(r.case.tests))
+    return np.array([int(r.utc_ns[r.test == k].mean()) if np.any(r.test == k) else 0 for k in tests], dtype=np.int64)
 
 
 def _later(scene: Scene, minutes: float) -> Floats:

@@ -139,7 +139,7 @@ def test_what_cannot_be_tried_is_said(arm: Scene) -> None:
         assert "variant" in BY_ID[i].why_not(arm)
     for i in ("lens-orientation", "clock-offset"):  # without a re-simulation, the sun's image is turned as a whole
         assert BY_ID[i].why_not(arm) == ""
-    assert [b.value for b in BY_ID["clock-offset"].branches(arm)] == ["image"]
+    assert [b.value for b in BY_ID["clock-offset"].branches(arm)] == ["image", "image"]
     assert [b.value for b in BY_ID["lens-orientation"].branches(arm)] == ["image", "all:box", "all:tube"]
 
 

@@ -10,7 +10,7 @@ import pytest
 from analysis.explain import retrace
 from analysis.explain.mechanisms.base import FORM_OF_SIZE, IMAGES_OF_SIZE, Branch, Term, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.readings import Readings
+from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.sky.perez import PerezSky
 from tests.analysis.explain import effects
@@ -210,6 +210,25 @@ def test_the_roof_reads_what_the_effect_gives(
     assert made[:count][up] == pytest.approx(exact[up], rel=allowed)
     if mechanism != "clock-offset":
         assert made[count:] == pytest.approx(BEAM + SKY), "the other meter is another meter"
+
+
+@pytest.mark.parametrize("minutes", [-20.0, 20.0])
+def test_a_roof_that_has_another_clock_saw_another_share_of_sun(arm: Scene, minutes: float) -> None:
+    """By that clock illuminances are of a sun that stood lower or higher; by the room's they are the arm's own."""
+    own, roofs = arm.dark_light(), arm.dark_light()
+    image = "the image follows the sun"
+    for seen, way in ((own, image), (roofs, f"{image}, by the roof's clock")):
+        term(arm, "clock-offset", way).illuminate(arm, seen, np.array([minutes]))
+    assert roofs.sun == pytest.approx(own.sun)
+    assert np.all(own.sun_factor == 1.0)
+    r = arm.readings
+    middles = np.array([r.utc_ns[r.test == k].mean() for k in range(len(r.case.tests))], dtype=np.int64)
+    now, later = (sun_at(r.case, middles + np.int64(late * 60e9))[0] for late in (0.0, minutes))
+    height = np.sin(np.radians(later)) / np.sin(np.radians(now))
+    assert np.min(np.abs(height - 1.0)) > 0.001
+    share = roofs.sun_factor / roofs.sky_factor
+    assert np.all((share - 1.0) * (height[r.test] - 1.0) > 0.0)
+    assert share == pytest.approx(height[r.test], rel=0.1)  # the air takes more of a low beam, and the sky dims with it
 
 
 def test_under_an_overcast_sky_what_is_taken_from_the_sky_is_the_suns(tmp_path: Path) -> None:
