@@ -188,7 +188,7 @@ def test_a_sun_without_any_disc_is_never_named_and_no_rival(arm: Scene) -> None:
 def test_a_sun_without_any_disc_stands_in_no_seconds_way(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     search = Search(Fitter(arm))
     name, nothing = _hypothesis(arm, 500.0, "c-handedness"), _hypothesis(arm, 0.0)
-    both = [_hypothesis(arm, gain, "c-handedness", m) for m, gain in (("circumsolar-aureole", 90.0), ("lens-haze", 70))]
+    both = [_hypothesis(arm, gain, "c-handedness", m) for m, gain in (("circumsolar-aureole", 75.0), ("lens-haze", 70))]
     both[0].fit.terms = (both[0].fit.terms[0], replace(both[0].fit.terms[1], branch=Branch("halfway", "halfway")))
     monkeypatch.setattr(search, "beside", lambda *_: both)
     monkeypatch.setattr(search, "allowed", lambda *_: ())
