@@ -32,7 +32,6 @@ from analysis.explain.wander import Wander, likeliest
 X = TypeVar("X")
 Y = TypeVar("Y")
 
-_BRANCHES = 3  # of a mechanism's ways, so many are fitted after a first look at all
 _STARTS = 2
 _PROMISING = 12.0
 """A mechanism is fitted beside others only where it may lower the objective by this (twice the nats it could gain)."""
@@ -130,8 +129,9 @@ class Search:
             starts = self.fitter.scan_starts(term, MIDDLE)
             looks.append((starts[0][0], term, [s for _, s in starts[:_STARTS]]))
         looks.sort(key=lambda look: look[0])
-        brought = [look for look in looks[_BRANCHES:] if look[1].branch.of_case]
-        kept = looks[:_BRANCHES]
+        most = terms[0].mechanism.fitted_ways
+        brought = [look for look in looks[most:] if look[1].branch.of_case]
+        kept = looks[:most]
         kept += [] if any(look[1].branch.of_case for look in kept) else brought[:1]
         return [self._best_fit((term,), starts) for _, term, starts in kept]
 

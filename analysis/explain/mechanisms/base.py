@@ -95,8 +95,9 @@ class Mechanism:
     that isolates it), ``kinds`` (kinds of channel it can show in), ``random`` (its effect is a random function, not a
     formula), ``form_error`` (how wrong the form itself may be, relative to the effect), ``local_error`` (the same,
     from one direction to the next), ``like_a_lens`` (its effect looks like that of a lens simulated a little wrong,
-    which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``in_one_test`` (on a roof
-    it may act in a single test), ``in_time`` (it is a function of time, or of the order of the readings).
+    which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``fitted_ways`` (so
+    many of its ways are fitted after a first look at all), ``in_one_test`` (on a roof it may act in a single test),
+    ``in_time`` (it is a function of time, or of the order of the readings).
     """
 
     id: ClassVar[str]
@@ -112,6 +113,7 @@ class Mechanism:
     local_error: ClassVar[float] = 0.0
     like_a_lens: ClassVar[bool] = False
     modelled_twice: ClassVar[bool] = False
+    fitted_ways: ClassVar[int] = 3
     in_one_test: ClassVar[bool] = False
     in_time: ClassVar[bool] = False
 

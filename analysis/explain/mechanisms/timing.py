@@ -52,6 +52,7 @@ class ClockOffset(Mechanism):
         "offset_min", "min", "true time minus recorded time", -180.0, 180.0, 8.0, (-60.0, -8.0, -1.5, 1.5, 8.0, 60.0)
     )
     modelled_twice = True
+    fitted_ways = 6  # each by either clock
     form_error = 0.2
     local_error = 0.4
     source = "S(t + d), under a steady sky or as the series itself went on; sun by NREL SPA (Reda and Andreas 2004)"
