@@ -17,7 +17,7 @@ from analysis.explain.mechanisms.goniometer import COffset, GammaOffset
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
-    CLOCK_AHEAD,
+    FAR_AHEAD,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LEAST_EFFECT,
@@ -52,6 +52,8 @@ _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
 _NO_LAWS_OF_LEVEL: Final = frozenset({"projection-error", "vignetting", "clock-offset"})
 """What changes a picture by place or time: no random function of the level holds it."""
+_NO_LENS_DOES: Final = frozenset({UNREST.name, "sky-sun-ratio"})
+"""A lens is wrong at all hours and under all skies."""
 _POINTING: Final = frozenset({GammaOffset.id, COffset.id})
 _FEW_NUMBERS: Final = 2
 """A form with more parameters than this bends to ripple."""
@@ -61,21 +63,21 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
 
     Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`); no
-    lens is wrong at one sensor alone, or by the sun's way. (Where a sensor's gain led, in five of 200 by three other
+    lens is wrong at one sensor alone, or as a clock is. (Where a sensor's gain led, in five of 200 by three other
     authors, it was true.)
     """
     lens = h.fit.hyper.lens
     far_wrong = not found.one_instrument and lens > WRONG_LENS and h.ids != (ChannelGain.id,)
-    return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not late_for_sure(h, found) else 0.0)
+    return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 
 
-def late_for_sure(h: Hypothesis, found: Conclusion) -> bool:
-    """Whether it is a clock below a skylight, far ahead of all other names (`CLOCK_AHEAD`)."""
-    if found.one_instrument or h.ids != (UNREST.name,):
+def far_ahead(h: Hypothesis, found: Conclusion) -> bool:
+    """Whether it is a name that no lens looks like, below a skylight and far ahead of all others (`FAR_AHEAD`)."""
+    if found.one_instrument or len(h.ids) != 1 or not set(h.ids) <= _NO_LENS_DOES:
         return False
     nothing = found.nothing.evidence
-    others = max((o.evidence for o in found.singles if UNREST.name not in o.ids), default=nothing)
-    return h.evidence - max(others, nothing) > CLOCK_AHEAD * float(np.sqrt(max(h.evidence - nothing, 0.0)))
+    others = max((o.evidence for o in found.singles if not set(h.ids) & set(o.ids)), default=nothing)
+    return h.evidence - max(others, nothing) > FAR_AHEAD * float(np.sqrt(max(h.evidence - nothing, 0.0)))
 
 
 def _first(h: Hypothesis, found: Conclusion, few: float) -> float:

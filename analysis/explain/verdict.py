@@ -75,7 +75,7 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
         void = (rough and gain < LEAST_ROUGH) or (gain < STRONG and _another_lens(found))
-        sure = asked.late_for_sure(found.best, found) and left <= _may_be_left(found, gain)
+        sure = asked.far_ahead(found.best, found) and left <= _may_be_left(found, gain)
         wrong = imitated or beaten or (void and not sure)
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or beaten:
@@ -87,8 +87,12 @@ def decide(found: Conclusion, few: float) -> None:
     else:
         found.verdict = "explained"
     _probabilities(found)
-    if found.best.ids and min(found.probability.values()) < found.sure:
+    if found.best.ids and not _is_sure(found):
         found.verdict = "unexplained"
+
+
+def _is_sure(found: Conclusion) -> bool:
+    return min(found.probability.values()) >= found.sure
 
 
 def stand_out(found: Conclusion, p_values: list[float]) -> None:
@@ -147,7 +151,7 @@ def name_the_sure(found: Conclusion) -> bool:
     the named is.
     """
     ids = found.best.ids
-    if found.one_instrument or not ids or min(found.probability.values()) >= DOUBTFUL:
+    if found.one_instrument or not ids or (found.probability[found.best.first] >= DOUBTFUL and _is_sure(found)):
         return False
     weighed = [(h.ids, h.evidence) for h in (found.nothing, *found.singles, found.best)] + found.considered
     likeliest, evidence = max(weighed, key=lambda item: item[1])

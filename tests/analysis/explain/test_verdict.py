@@ -133,14 +133,17 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 
 
+@pytest.mark.parametrize("name", ["clock-offset", "sky-sun-ratio"])
 @pytest.mark.parametrize(("other", "ahead"), [(0.0, True), (10.0, True), (15.0, False)])
-def test_a_clock_far_ahead_is_asked_no_more_beside_a_wrong_lens(arm: Scene, other: float, ahead: bool) -> None:
+def test_what_no_lens_does_is_asked_no_more_beside_a_wrong_one(
+    arm: Scene, name: str, other: float, ahead: bool
+) -> None:
     """And told where what is left is rough, but not where something is left by evidence."""
     rough = Hyper(3.6, 1.0, 2.5)
-    found = _decided(arm, ("clock-offset", 45.0), ("lens-haze", other), hyper=rough)
+    found = _decided(arm, (name, 45.0), ("lens-haze", other), hyper=rough)
     assert (asked.first(found.best, found, 1.0) == NAME_FIRST_LENS) == ahead
     assert found.verdict == ("partly-explained" if ahead else "unexplained")
-    assert _decided(arm, ("clock-offset", 45.0), ("lens-haze", other), hyper=rough, left=87.0).verdict == "unexplained"
+    assert _decided(arm, (name, 45.0), ("lens-haze", other), hyper=rough, left=87.0).verdict == "unexplained"
     assert _decided(arm, ("soiling", 45.0), ("lens-haze", other), hyper=rough).verdict == "unexplained"
 
 
@@ -987,11 +990,11 @@ def test_a_rough_rest_counts_beside_what_is_explained(arm: Scene) -> None:
 
 def test_where_another_lens_was_simulated_only_a_change_of_the_lens_is_told(arm: Scene) -> None:
     lens = Hyper(7.0, 1.0, 2.5)
-    told = {name: _decided(arm, (name, 400.0), hyper=lens).verdict for name in ("sky-sun-ratio", "lens-orientation")}
-    assert told == {"sky-sun-ratio": "unexplained", "lens-orientation": "partly-explained"}
-    assert _decided(arm, ("sky-sun-ratio", 400.0), hyper=Hyper(7.0, 1.0, 1.0)).verdict == "partly-explained"
-    assert _decided(arm, ("sky-sun-ratio", 4000.0), hyper=lens).verdict == "explained"
-    assert _decided(arm, ("sky-sun-ratio", 4000.0), left=300.0, hyper=lens).verdict == "partly-explained"
+    told = {name: _decided(arm, (name, 400.0), hyper=lens).verdict for name in ("nonlinearity", "lens-orientation")}
+    assert told == {"nonlinearity": "unexplained", "lens-orientation": "partly-explained"}
+    assert _decided(arm, ("nonlinearity", 400.0), hyper=Hyper(7.0, 1.0, 1.0)).verdict == "partly-explained"
+    assert _decided(arm, ("nonlinearity", 4000.0), hyper=lens).verdict == "explained"
+    assert _decided(arm, ("nonlinearity", 4000.0), left=300.0, hyper=lens).verdict == "partly-explained"
 
 
 def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> None:
