@@ -157,12 +157,13 @@ class Search:
         return abreast(work, items, (*terms, *shared), size)
 
     def _allowing_for_forms(self, ways: list[Fit], least: float) -> list[Fit]:
-        """The best way that may be locally wrong fitted again with that, if the mechanism tells enough."""
+        """The best way of each sort that may be locally wrong fitted again with that, if the mechanism tells enough."""
         wrong = [f for f in ways if np.any(locally_wrong(self.scene, f.terms, f.theta))]
         if not wrong or max(f.log_evidence for f in ways) < least:
             return ways
-        best = max(wrong, key=lambda f: f.log_evidence)
-        return [self._allowing_for_form(f) if f is best else f for f in ways]
+        wrong.sort(key=lambda f: f.log_evidence)
+        best = {f.terms[-1].branch.sort: f for f in wrong}.values()
+        return [self._allowing_for_form(f) if any(f is b for b in best) else f for f in ways]
 
     def _allowing_for_form(self, plain: Fit) -> Fit:
         """The fit with its own form's error, if the change itself tells something beside its error.

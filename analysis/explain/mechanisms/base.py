@@ -62,6 +62,8 @@ class Branch:
         Whether the change is hardly more than a blur at any parameters, as that of a lens simulated a little wrong.
     stands_in
         Whether it lets light go on as the sky's does, which stands for whatever else spreads the sun's light.
+    sort
+        What kind of way it is: the best of each kind is fitted again with what its form has wrong.
     """
 
     label: str = ""
@@ -70,6 +72,7 @@ class Branch:
     brought: bool = False
     blurs: bool = False
     stands_in: bool = False
+    sort: str = ""
 
     @property
     def of_case(self) -> bool:

@@ -106,7 +106,10 @@ class ClockOffset(Mechanism):
         below = scene.kinds == ("goniometer",)
         ways = self._of_the_image(scene) if below else (Branch(),)
         if below:
-            ways = (*ways, *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", ")) for w in ways))
+            ways = (
+                *ways,
+                *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", "), sort=_OF_THE_ROOF) for w in ways),
+            )
         steady = all(looks_one_way(scene, int(k)) for k in np.unique(scene.readings.channel))
         series = scene.on_the_roof and steady and series_of(scene)
         if not series:
@@ -153,7 +156,7 @@ class ClockOffset(Mechanism):
             light.sun_factor = light.sun_factor * sun
             light.sky_factor = light.sky_factor * sky
             return
-        brightens = scene.is_roof | (scene.is_gonio & branch.label.endswith(_OF_THE_ROOF))
+        brightens = scene.is_roof | (scene.is_gonio & (branch.sort == _OF_THE_ROOF))
         if np.any(brightens):
             sun, sky = _clear_later(scene, _altitude_later(scene, float(p[0])))
             light.sun_factor = np.where(brightens, light.sun_factor * sun, light.sun_factor)
