@@ -159,9 +159,9 @@ DOUBTFUL = 0.65
 SURE_BESIDE = 0.68
 """Share of a second or a third name among all that could stand in its place (its probability is `RELIABLE` times that):
 the form of the first leaves what others may take."""
-SURE_BESIDE_BELOW = 0.62
-"""The same below a skylight. (Of further names between this and .70 that gained enough, six were right and three wrong,
-on five other authors' pairs.)"""
+SURE_BESIDE_BELOW = 0.6
+"""The same below a skylight: as sure as a first name. (Of further names between this and .70 that gained enough nine
+were right and three wrong, on five other authors' pairs.)"""
 SURE_ALONE = 0.9
 """The same for one that is named although what stands beside it in all likely sets is doubtful."""
 LIKELIER = 2.0
