@@ -241,7 +241,8 @@ def test_a_variant_that_takes_something_away_says_that_it_was_there(
 
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
     scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
-    (way,) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
+    (way, by_the_roof) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]
+    assert by_the_roof.branch.value is way.branch.value
     assert way.parameters[0].low < -10.0
     made = predict(scene, (way,), np.array([-5.0]))
     assert made == pytest.approx(BASE + 0.05 * sun(scene), rel=1e-3)
