@@ -103,13 +103,7 @@ class ClockOffset(Mechanism):
         Below a skylight illuminances may go by the roof's clock, too: under the sun that the room saw they were others.
         A second instrument saw the clouds that the first saw: of its series nothing but the whole can be late.
         """
-        below = scene.kinds == ("goniometer",)
-        ways = self._of_the_image(scene) if below else (Branch(),)
-        if below:
-            ways = (
-                *ways,
-                *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", "), sort=_OF_THE_ROOF) for w in ways),
-            )
+        ways = _by_either_clock(self._of_the_image(scene)) if _below(scene) else (Branch(),)
         steady = all(looks_one_way(scene, int(k)) for k in np.unique(scene.readings.channel))
         series = scene.on_the_roof and steady and series_of(scene)
         if not series:
@@ -179,6 +173,16 @@ class ClockOffset(Mechanism):
         )
 
 
+def _below(scene: Scene) -> bool:
+    """Whether only what is below a skylight was read."""
+    return scene.kinds == ("goniometer",)
+
+
+def _by_either_clock(ways: tuple[Branch, ...]) -> tuple[Branch, ...]:
+    """The ways with illuminances of the room's hour, and those with illuminances of the roof's."""
+    return (*ways, *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", "), sort=_OF_THE_ROOF) for w in ways))
+
+
 def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
     """The sun part (T, P, G) ``minutes`` later: its image turned by the arc that the sun went."""
     case, middles = scene.readings.case, _middles(scene)
@@ -198,7 +202,7 @@ def _clear_later(scene: Scene, altitude_deg: Floats) -> tuple[Floats, Floats]:
     """
     r = scene.readings
     later = np.maximum(altitude_deg, 0.5)
-    below = scene.kinds == ("goniometer",)
+    below = _below(scene)
     now = np.maximum(scene.remember(_altitude_at_node, 0.0) if below else r.sun_altitude_at_deg, 0.5)
     height = np.sin(np.radians(later)) / np.sin(np.radians(now))
     normal = np.maximum(r.sun, 0.0) / np.sin(np.radians(now))
@@ -223,7 +227,7 @@ def _altitude_later(scene: Scene, minutes: float) -> Floats:
 def _altitude_at_node(scene: Scene, node: float) -> Floats:
     """The sun's altitude [deg] so many nodes after each reading, or below a skylight after its test's middle; (N,)."""
     r, late = scene.readings, np.int64(round(node * _NODE_MIN * 60e9))
-    if scene.kinds == ("goniometer",):  # thousands of readings, of tests that are predicted for one moment
+    if _below(scene):  # thousands of readings, of tests that are predicted for one moment
         return np.asarray(sun_at(r.case, _middles(scene) + late)[0][r.test])
     return np.asarray(sun_at(r.case, r.utc_ns + late)[0])
 
