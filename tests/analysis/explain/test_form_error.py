@@ -84,3 +84,23 @@ def test_a_change_that_tells_nothing_is_no_reason_for_its_error(arm: Scene) -> N
     plain = fitter.fit((way,), np.array([1.0]), MIDDLE)
     fitter.weigh([plain])
     assert Search(fitter, (), ())._allowing_for_form(plain) is plain
+
+
+def test_the_best_way_of_each_sort_is_allowed_what_its_form_has_wrong(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock's ways by the room's clock and by the roof's are two sorts; worse ways of either stay as they are."""
+    image = "the image follows the sun"
+    fitter = Fitter(arm)
+    plain = [
+        fitter.fit((term(arm, "clock-offset", label),), np.array([5.0]), MIDDLE)
+        for label in (image, f"{image}, by the roof's clock", image)
+    ]
+    for fit, gain in zip(plain, (30.0, 50.0, 20.0), strict=True):
+        fit.theta, fit.log_evidence = np.array([5.0]), gain
+    search = Search(fitter, (), ())
+    seen = []
+    monkeypatch.setattr(search, "_allowing_for_form", lambda fit: seen.append(fit) or fit)
+    assert search._allowing_for_forms(plain, 0.0) == plain
+    assert [id(f) for f in seen] == [id(plain[0]), id(plain[1])]
+    assert search._allowing_for_forms(plain, 60.0) == plain and len(seen) == 2, "what gains too little is not asked"

@@ -434,3 +434,6 @@ def test_one_clock_moves_all_suns(scene: Scene, made: Retracings, monkeypatch: p
     assert found is not None
     change = found.predicted / scene.readings.simulated
     assert all(np.std(change[scene.readings.test == test]) > 0.01 for test in (BOX, TUBE))
+    by_the_roof = again.simulated_again(scene, (term(scene, "clock-offset", "by the roof's clock"),), np.array([15.0]))
+    assert by_the_roof is not None
+    assert not np.allclose(by_the_roof.predicted, found.predicted, rtol=0.01), "illuminances are of another sun"

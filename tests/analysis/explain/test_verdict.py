@@ -352,6 +352,17 @@ def test_of_a_doubtful_and_a_sure_name_the_sure_one_stays(arm: Scene) -> None:
     assert SURE_ALONE < found.probability["soiling"] < RELIABLE
 
 
+@pytest.mark.parametrize(("share", "stays"), [(0.62, True), (0.55, False)])
+def test_a_further_name_need_not_be_surer_than_a_first_one(arm: Scene, share: float, stays: bool) -> None:
+    found = _decided(arm, ("soiling", 350.0), ("meter-cosine", 120.0))
+    found.best = _hypothesis(arm, 385.0, "soiling", "meter-cosine")
+    found.shares[frozenset({"soiling"}), "meter-cosine"] = share
+    decide(found, 1.0)
+    assert found.probability["soiling"] >= DOUBTFUL > found.probability["meter-cosine"]
+    assert (found.verdict == "explained") == stays
+    assert name_the_sure(found) == (not stays)
+
+
 def test_what_stood_in_the_first_names_place_stands_beside_the_sure_one(arm: Scene) -> None:
     """A turned arm beside dirt or beside haze: it is a rival of neither."""
     found = _decided(arm, ("soiling", 185.0), ("lens-haze", 184.0), ("c-offset", 170.0))
