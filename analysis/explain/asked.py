@@ -21,6 +21,7 @@ from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LEAST_EFFECT,
+    LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
     LEAST_EFFECTS_OF_ARM,
     LEAST_MINUTES,
@@ -108,7 +109,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
     times = THIRD if len(base.ids) > 1 else 1.0
-    if blurs(best.fit, new):
+    if blurs(best.fit, new) or (new == COffset.id and UNREST.name in base.ids):
         return times * NAME_FIRST_FAR + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
@@ -129,9 +130,11 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
 
-def least_effect(h: Hypothesis) -> float:
+def least_effect(h: Hypothesis, found: Conclusion) -> float:
     """By how much a name must change the readings (rms, relative), as the first or beside others."""
     alone, further = LEAST_EFFECTS_OF_ARM if h.ids[-1] in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
+    if far_ahead(h, found):
+        return LEAST_EFFECT_FAR_AHEAD
     return alone if len(h.ids) == 1 else further
 
 

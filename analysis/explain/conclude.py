@@ -45,7 +45,7 @@ def conclude(search: Search) -> Conclusion:
     few = asked.share_of_few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:
-        named = [h for h in named if search.least_effect(h) > asked.least_effect(h)]
+        named = [h for h in named if search.least_effect(h) > asked.least_effect(h, found)]
     else:
         named = [h for h in named if not asked.is_a_moment(h)]
     if named:
@@ -176,7 +176,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     candidates = [h for h in candidates if not asked.absurd(h.fit, h.ids[-1])]
     if not candidates:
         return None
-    seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h) and not asked.is_a_moment(h)]
+    seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h, found) and not asked.is_a_moment(h)]
     best = _likeliest(found, seen or candidates, base, alone)
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
@@ -192,8 +192,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         return None
     if share < found.sure_beside:
         return None
-    near = max(ALIKE, found.temper(gain))
-    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < near)
+    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < ALIKE)
     best.tied = base.tied + tuple((new, h.ids[-1]) for h in tied)
     best.added_to = base.first
     best.evidence = base.evidence + gain

@@ -7,13 +7,15 @@ from analysis.explain.conclusion import Conclusion, flattens, of_optics
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
-from analysis.explain.mechanisms.goniometer import NearField
+from analysis.explain.mechanisms.goniometer import COffset, NearField
 from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AS_WELL,
     FLATTENS,
+    LATE_AS_TURNED,
+    LATE_OR_TURNED,
     LIKELIER,
     NEAR_OR_BLURRED,
     OF_CASE_ODDS,
@@ -72,7 +74,8 @@ def beside(h: Hypothesis, other: Hypothesis) -> float:
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another that does alike, before any evidence.
 
-    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight.
+    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight, a late clock
+    for an arm's azimuth.
     """
     pair = name, *other
     if found.one_instrument:
@@ -82,6 +85,9 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
         return NEAR_OR_BLURRED if asked.blurs(alone[other[0]].fit) else 0.0
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
         return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
+    if pair == (UNREST.name, COffset.id) and set(pair) <= set(alone):
+        late, turned = (alone[m].evidence - found.nothing.evidence for m in pair)
+        return LATE_OR_TURNED if late > LATE_AS_TURNED * turned else 0.0
     return 0.0
 
 

@@ -153,7 +153,7 @@ class Mechanism:
         return 0.0
 
     def blurs(self, p: Floats, branch: Branch) -> bool:
-        """Whether the change is hardly more than a blur, at these parameters."""
+        """Whether the change is hardly more than a blur, or than one taken away, at these parameters."""
         return branch.blurs
 
     def absurd(self, p: Floats, branch: Branch) -> bool:

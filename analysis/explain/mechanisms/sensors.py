@@ -153,6 +153,10 @@ class Nonlinearity(Mechanism):
         low, high = min(low, -0.01), max(high, 0.01)
         return replace(self.range_at, low=low, high=high, starts=tuple(low + (high - low) * np.array([0.1, 0.4, 0.7])))
 
+    def blurs(self, p: Floats, branch: Branch) -> bool:
+        """Whether only the brightest is brighter: below a skylight, so are images that a lens blurs less."""
+        return branch.value == ("goniometer", "bent") and float(p[0]) > 0.0
+
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
         which, form = branch.value if isinstance(branch.value, tuple) else (branch.value, "power")

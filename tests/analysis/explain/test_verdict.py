@@ -17,6 +17,7 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
@@ -27,6 +28,8 @@ from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     FLATTENS,
     HOLDS_LAWS,
+    LEAST_EFFECT_FAR_AHEAD,
+    LEAST_EFFECT_FIRST,
     LIKELIER,
     MISFIT_LENS,
     MISFIT_OF_TWO,
@@ -149,10 +152,26 @@ def test_what_no_lens_does_is_asked_no_more_beside_a_wrong_one(
 
 @pytest.mark.parametrize("more", [(), ("dark-offset",)])
 def test_an_arm_that_points_a_little_elsewhere_is_no_name(arm: Scene, more: tuple[str, ...]) -> None:
-    least = {m: asked.least_effect(_hypothesis(arm, 30.0, *more, m)) for m in ("gamma-offset", "c-offset", "soiling")}
+    found = Conclusion(_hypothesis(arm, 0.0), _hypothesis(arm, 0.0), [])
+    of_sets = {m: _hypothesis(arm, 30.0, *more, m) for m in ("gamma-offset", "c-offset", "soiling")}
+    least = {m: asked.least_effect(h, found) for m, h in of_sets.items()}
     assert least["gamma-offset"] == least["c-offset"] > least["soiling"]
-    alone = asked.least_effect(_hypothesis(arm, 30.0, "c-offset"))
+    alone = asked.least_effect(_hypothesis(arm, 30.0, "c-offset"), found)
     assert (least["c-offset"] > alone) == bool(more)
+
+
+@pytest.mark.parametrize(("other", "ahead"), [(4.0, True), (40.0, False)])
+def test_a_split_far_ahead_may_change_little(arm: Scene, other: float, ahead: bool) -> None:
+    found = _decided(arm, ("sky-sun-ratio", 60.0), ("lens-haze", other))
+    assert asked.least_effect(found.best, found) == (LEAST_EFFECT_FAR_AHEAD if ahead else LEAST_EFFECT_FIRST)
+
+
+@pytest.mark.parametrize(("bend", "least"), [(0.1, NAME_FIRST_FAR), (-0.1, NAME_FIRST_BELOW)])
+def test_a_response_that_bends_upwards_looks_like_sharper_images(arm: Scene, bend: float, least: float) -> None:
+    h, nothing = _hypothesis(arm, 50.0, "nonlinearity"), _hypothesis(arm, 0.0)
+    way = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.value == ("goniometer", "bent"))
+    h.fit.terms, h.fit.theta = (way,), np.array([bend])
+    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == least
 
 
 @pytest.mark.parametrize(
@@ -230,9 +249,10 @@ def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
 
 def test_doubles_that_do_not_do_alike_are_rivals(arm: Scene) -> None:
     """A leak that follows the daylight is not a reading in the dark."""
-    found = _decided(arm, ("stray-light", 200.0), ("dark-offset", 90.0))
-    assert found.indistinguishable == []
-    assert found.probability["stray-light"] < _decided(arm, ("stray-light", 200.0)).probability["stray-light"]
+    for other, least, most in ((194.0, 0.85, 0.94), (190.0, 0.94, 0.95)):
+        found = _decided(arm, ("stray-light", 200.0), ("dark-offset", other))
+        assert found.verdict == "explained" and found.indistinguishable == []
+        assert least < found.probability["stray-light"] < most
 
 
 def test_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
@@ -247,9 +267,26 @@ def test_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
     assert alone == ["explained", "unexplained"]
 
 
+@pytest.mark.parametrize(("late", "told"), [(140.0, "clock-offset"), (90.0, "c-offset")])
+def test_an_azimuth_that_half_looks_like_a_clock_is_one(arm: Scene, late: float, told: str) -> None:
+    """An arm that is turned looks like no clock; a turn beside a clock is what that leaves."""
+    singles = [_hypothesis(arm, 230.0, "c-offset"), _hypothesis(arm, late, "clock-offset")]
+    nothing = _hypothesis(arm, 0.0)
+    found = Conclusion(nothing, nothing, singles)
+    found.best = first_of(singles, found)
+    decide(found, 1.0)
+    assert found.best.ids == (told,) and found.verdict == "explained"
+    both = _hypothesis(arm, 300.0, told, "c-offset") if told != "c-offset" else _hypothesis(arm, 300.0, told, "soiling")
+    asked_of_it = asked.beside(both, found.best, found, both.ids[-1], random=False, share=1.0)
+    assert (asked_of_it >= NAME_FIRST_FAR) == (told == "clock-offset")
+
+
 @pytest.mark.parametrize(("bend", "odds"), [(-0.1, FLATTENS), (0.1, 0.0)])
-def test_a_response_that_flattens_is_a_range_that_ends(arm: Scene, bend: float, odds: float) -> None:
+def test_a_response_that_flattens_is_a_range_that_ends(
+    arm: Scene, bend: float, odds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of two that do alike the end of a range is likelier, unless the response grows steeper."""
+    monkeypatch.setattr(Nonlinearity, "blurs", lambda *_: False)
     bent = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label.endswith("bent"))
     curve = _hypothesis(arm, 300.0, "nonlinearity")
     curve.fit.terms, curve.fit.theta = (bent,), np.array([bend])
