@@ -12,6 +12,7 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Reported, Stage,
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
 from analysis.explain.sky_flux import RINGS_DEG
+from analysis.explain.thresholds import SEEN_DEG
 
 _ALL = -1
 """In place of a channel's index: all of them."""
@@ -89,6 +90,10 @@ class MeterTilt(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each meter, and all together."""
         return heads(scene)
+
+    def absurd(self, p: Floats, branch: Branch) -> bool:
+        """Whether anybody would see that it is not level."""
+        return float(np.linalg.norm(p)) > SEEN_DEG
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Change the beam's projection on the tilted meter."""

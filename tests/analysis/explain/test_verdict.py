@@ -166,6 +166,19 @@ def test_a_split_far_ahead_may_change_little(arm: Scene, other: float, ahead: bo
     assert asked.least_effect(found.best, found) == (LEAST_EFFECT_FAR_AHEAD if ahead else LEAST_EFFECT_FIRST)
 
 
+@pytest.mark.parametrize(("tilt_deg", "first"), [((6.0, -4.0), True), ((3.0, -12.0), False)])
+def test_nobody_leaves_a_meter_tilted_by_more_than_is_seen(
+    arm: Scene, tilt_deg: tuple[float, float], first: bool
+) -> None:
+    """And what nothing does hardly speaks against what may be."""
+    tilted, late = _hypothesis(arm, 480.0, "meter-tilt"), _hypothesis(arm, 445.0, "clock-offset")
+    tilted.fit.theta = np.array(tilt_deg)
+    found = Conclusion(late, _hypothesis(arm, 0.0), [tilted, late])
+    assert (asked.first(tilted, found, 1.0) < NEVER) == first
+    decide(found, 1.0)
+    assert (found.verdict == "explained") != first
+
+
 @pytest.mark.parametrize(("bend", "least"), [(0.1, NAME_FIRST_FAR), (-0.1, NAME_FIRST_BELOW)])
 def test_a_response_that_bends_upwards_looks_like_sharper_images(arm: Scene, bend: float, least: float) -> None:
     h, nothing = _hypothesis(arm, 50.0, "nonlinearity"), _hypothesis(arm, 0.0)
