@@ -192,7 +192,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         return None
     if share < found.sure_beside:
         return None
-    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < ALIKE)
+    near = max(ALIKE, found.temper(gain))
+    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < near)
     best.tied = base.tied + tuple((new, h.ids[-1]) for h in tied)
     best.added_to = base.first
     best.evidence = base.evidence + gain

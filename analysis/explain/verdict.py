@@ -27,7 +27,6 @@ from analysis.explain.thresholds import (
     LEVEL_ALONE,
     LIKELIER,
     MOST_MISFIT,
-    NATS_OF_DOUBLES,
     OF_THREE,
     OTHER_LENS,
     PLACED,
@@ -174,7 +173,8 @@ def name_the_sure(found: Conclusion) -> bool:
 def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list[str]:
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
     gain = alone.get(name, 0.0)
-    return [d for d in doubles(name) if d in alone and abs(alone[d] - gain) < ALIKE]
+    near = max(ALIKE, found.temper(gain))
+    return [d for d in doubles(name) if d in alone and abs(alone[d] - gain) < near]
 
 
 def _share(found: Conclusion, name: str) -> float:
@@ -202,7 +202,6 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     rivals: dict[tuple[str, ...], float] = {}
     random = set() if found.best.wanders else {h.ids[0] for h in found.singles if h.wanders and len(h.ids) == 1}
     units = {m: min(nats, TEMPER_RANDOM) if m in random else nats for m in alone}
-    units |= dict.fromkeys(doubles(found.best.first), NATS_OF_DOUBLES)
     whole = found.best.evidence - found.nothing.evidence if len(ids) > 1 else top
     bases = {m for base, _ in found.shares if len(base) == 1 for m in base}
     more = {h.ids[0]: asked.more_as_rival(h, found) for h in found.singles if len(h.ids) == 1}
