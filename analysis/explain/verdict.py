@@ -132,14 +132,15 @@ def share_of(
 ) -> float:
     """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate.
 
-    Those that are ``unseen`` (`Conclusion.unseen`) are less likely, and so is what is the less likely of two alike.
+    What is ``unseen`` (`Conclusion.unseen`) is less likely, the one as well as its rivals, and so is what is the less
+    likely of two alike.
     """
     (new,) = set(best.ids) - set(base.ids)
     nats = temper(gain, nat)
     added = [(set(h.ids) - set(base.ids), h) for h in candidates]
     rivals = [(ids, h) for ids, h in added if not ids & {new, *doubles(new)}]
     others = [h.evidence - nats * (LIKELIER * bool(ids & unseen) + likelier.beside(best, h)) for ids, h in rivals]
-    return float(expit((best.evidence - max(others, default=base.evidence)) / nats))
+    return float(expit((best.evidence - max(others, default=base.evidence)) / nats - LIKELIER * (new in unseen)))
 
 
 def name_the_sure(found: Conclusion) -> bool:

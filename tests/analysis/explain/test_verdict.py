@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, logit
 
 import analysis.explain.conclude as conclusions
 from analysis.explain import asked, likelier
@@ -964,6 +964,14 @@ def test_doubles_that_act_together_are_two_names(arm: Scene) -> None:
     found = Conclusion(both, _hypothesis(arm, 0.0), singles)
     decide(found, 1.0)
     assert found.indistinguishable == [] and found.either == {}
+
+
+def test_a_further_name_of_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
+    nothing = _hypothesis(arm, 0.0)
+    meter, dirt = (_hypothesis(arm, gain, name) for gain, name in ((60.0, "meter-cosine"), (40.0, "soiling")))
+    seen = share_of(meter, nothing, [meter, dirt], 60.0)
+    unseen = share_of(meter, nothing, [meter, dirt], 60.0, unseen=frozenset({"meter-cosine"}))
+    assert unseen == pytest.approx(expit(logit(seen) - LIKELIER))
 
 
 def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
