@@ -20,6 +20,7 @@ from analysis.explain.thresholds import (
     FAR_AHEAD,
     FIRST_BY_LENS,
     HOLDS_LAWS,
+    LACKED,
     LEAST_EFFECT,
     LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
@@ -63,12 +64,13 @@ _FEW_NUMBERS: Final = 2
 def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
 
-    Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`); no
-    lens is wrong at one sensor alone, or as a clock is. (Where a sensor's gain led, in five of 200 by three other
-    authors, it was true.)
+    Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`), but
+    not of what the prediction lacks by the case's own account; no lens is wrong at one sensor alone, or as a clock is.
+    (Where a sensor's gain led, in five of 200 by three other authors, it was true.)
     """
     lens = h.fit.hyper.lens
     far_wrong = not found.one_instrument and lens > WRONG_LENS and h.ids != (ChannelGain.id,)
+    far_wrong = far_wrong and not set(h.ids) & found.lacked
     return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 
 
@@ -85,6 +87,8 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
     doubtful = {Stage.TIME} if found.one_instrument else _OF_THE_SUN
     if absurd(h.fit):
         return NEVER
+    if set(h.ids) & found.lacked:
+        return LACKED
     if blurs(h.fit):
         return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
@@ -109,6 +113,9 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     held = HOLDS_LAWS * max(base.evidence - found.nothing.evidence, 0.0)
     left = max(misfit(h, found.nothing) for h in (base, found.best))
     times = THIRD if len(base.ids) > 1 else 1.0
+    open_share = min((1.0 - share) / (1.0 - found.sure_beside), 1.0)
+    if new in found.lacked:
+        return times * LACKED + left * open_share
     if blurs(best.fit, new) or (new == COffset.id and UNREST.name in base.ids):
         return times * NAME_FIRST_FAR + left
     if random and found.pictures:
@@ -119,7 +126,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return times * NAME_SECOND_RANDOM + left
     if any(t.mechanism.like_a_lens and not t.branch.of_case for t in added):
         return times * NAME_SECOND_LENS + left
-    return times * _second(added, found, new) + left * min((1.0 - share) / (1.0 - found.sure_beside), 1.0)
+    return times * _second(added, found, new) + left * open_share
 
 
 def _second(added: list[Term], found: Conclusion, new: str) -> float:
@@ -133,7 +140,7 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
 def least_effect(h: Hypothesis, found: Conclusion) -> float:
     """By how much a name must change the readings (rms, relative), as the first or beside others."""
     alone, further = LEAST_EFFECTS_OF_ARM if h.ids[-1] in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
-    if far_ahead(h, found):
+    if far_ahead(h, found) or h.ids[-1] in found.lacked:
         return LEAST_EFFECT_FAR_AHEAD
     return alone if len(h.ids) == 1 else further
 

@@ -17,6 +17,7 @@ from analysis.explain.thresholds import (
     ALIKE,
     BASES,
     HOLDS_LAWS,
+    LACKED_ODDS,
     LIKE_THE_BEST,
     LIKELIER,
     NAME_FIRST_BELOW,
@@ -42,6 +43,7 @@ def conclude(search: Search) -> Conclusion:
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
+    found.lacked = search.scene.retraced.lacked if search.scene.retraced is not None else frozenset()
     few = asked.share_of_few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:
@@ -183,7 +185,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    share = share_of(best, base, candidates, gain, found.nat, found.unseen)
+    share = share_of(best, base, candidates, gain, found.nat, found.unseen, found.lacked)
     needed = asked.beside(best, base, found, new, random, share)
     # what gains too little to be told does not say either that others would do as well
     found.shares[frozenset(base.ids), new] = share if gain >= needed else 1.0
@@ -203,11 +205,17 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
 def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis, alone: float) -> Hypothesis:
     """The best of what could be added to ``base``, which has some evidence ``alone``.
 
-    No instrument that no reading is of, if another is hardly behind it.
+    No instrument that no reading is of, if another is hardly behind it; but what the prediction lacks by the case's own
+    account, if it is hardly behind another.
     """
     nats = found.temper(max(h.evidence for h in candidates) - alone)
     unread = found.unseen - set(base.ids)
-    return max(candidates, key=lambda h: h.evidence - LIKELIER * nats * bool(unread & set(h.ids)))
+    lacked = found.lacked - set(base.ids)
+
+    def odds(h: Hypothesis) -> float:
+        return LACKED_ODDS * bool(lacked & set(h.ids)) - LIKELIER * bool(unread & set(h.ids))
+
+    return max(candidates, key=lambda h: h.evidence + nats * odds(h))
 
 
 def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:

@@ -79,6 +79,8 @@ class Conclusion:
         So many nats, times the root of what is gained, count as one.
     unseen
         Mechanisms of instruments that the case holds no reading of; laws of those are less likely (`LIKELIER`).
+    lacked
+        Mechanisms that the prediction lacks by the case's own account: likelier, and asked for less (`LACKED`).
     considered
         Further sets of names with their evidence, less what a name more has to bring.
     shares
@@ -102,6 +104,7 @@ class Conclusion:
     level: float = 0.0
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()
+    lacked: frozenset[str] = frozenset()
     seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)

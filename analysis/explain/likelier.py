@@ -14,6 +14,7 @@ from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
     AS_WELL,
     FLATTENS,
+    LACKED_ODDS,
     LATE_AS_TURNED,
     LATE_OR_TURNED,
     LIKELIER,
@@ -75,12 +76,14 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another that does alike, before any evidence.
 
     A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight, a late clock
-    for an arm's azimuth.
+    for an arm's azimuth; and what the prediction lacks by the case's own account for anything.
     """
     pair = name, *other
     if found.one_instrument:
         return TILTED_OR_LATE if pair == (MeterTilt.id, UNREST.name) else 0.0
     alone = {h.ids[0]: h for h in found.singles if len(h.ids) == 1}
+    if name in found.lacked:
+        return LACKED_ODDS
     if pair == (NearField.id, CircumsolarAureole.id) and other[0] in alone:
         return NEAR_OR_BLURRED if asked.blurs(alone[other[0]].fit) else 0.0
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:

@@ -20,6 +20,7 @@ _AMOUNT = "fraction"  # of settings that are changed together, the one that says
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
 """How labels of paths begin that the case itself brings."""
+_PATTERNS: Final = frozenset({"isotropic = False", "anisotropic = True"})
 _ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
 _OF_A_SYSTEM: Final = frozenset(
     {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
@@ -144,7 +145,15 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
+        adds = _adds(case, kind, run.value)
+        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True, adds=adds)
+
+
+def _adds(case: Case, kind: _Kind, value: float | None) -> bool:
+    """Whether a variant has what the prediction lacks: a pattern of the lens, or bounces beyond the limit it tells."""
+    if kind.mechanism == "bounce-truncation":
+        return value is not None and 0 < (case.setup.simulation.max_bounces or 0) < value
+    return kind.mechanism == "lens-anisotropy" and kind.key in _PATTERNS
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:

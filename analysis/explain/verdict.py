@@ -19,6 +19,7 @@ from analysis.explain.thresholds import (
     EVEN_LENS,
     EVEN_PICTURE,
     EVEN_READINGS,
+    LACKED_ODDS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_RANDOM,
@@ -75,7 +76,8 @@ def decide(found: Conclusion, few: float) -> None:
         found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):
         void = (rough and gain < LEAST_ROUGH) or (gain < STRONG and _another_lens(found))
-        sure = asked.far_ahead(found.best, found) and left <= _may_be_left(found, gain)
+        known = asked.far_ahead(found.best, found) or found.best.first in found.lacked
+        sure = known and left <= _may_be_left(found, gain)
         wrong = imitated or beaten or (void and not sure)
         found.verdict = "unexplained" if wrong else "partly-explained"
     elif imitated or beaten:
@@ -129,18 +131,20 @@ def share_of(
     gain: float,
     nat: float = TEMPER,
     unseen: frozenset[str] = frozenset(),
+    lacked: frozenset[str] = frozenset(),
 ) -> float:
     """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate.
 
     What is ``unseen`` (`Conclusion.unseen`) is less likely, the one as well as its rivals, and so is what is the less
-    likely of two alike.
+    likely of two alike; what is ``lacked`` (`Conclusion.lacked`) is likelier.
     """
     (new,) = set(best.ids) - set(base.ids)
     nats = temper(gain, nat)
     added = [(set(h.ids) - set(base.ids), h) for h in candidates]
     rivals = [(ids, h) for ids, h in added if not ids & {new, *doubles(new)}]
-    others = [h.evidence - nats * (LIKELIER * bool(ids & unseen) + likelier.beside(best, h)) for ids, h in rivals]
-    return float(expit((best.evidence - max(others, default=base.evidence)) / nats - LIKELIER * (new in unseen)))
+    odds = {name: LACKED_ODDS * (name in lacked) - LIKELIER * (name in unseen) for ids, _ in added for name in ids}
+    others = [h.evidence + nats * (max(odds[m] for m in ids) - likelier.beside(best, h)) for ids, h in rivals]
+    return float(expit((best.evidence - max(others, default=base.evidence)) / nats + odds[new]))
 
 
 def name_the_sure(found: Conclusion) -> bool:

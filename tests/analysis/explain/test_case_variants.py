@@ -239,6 +239,26 @@ def test_a_variant_that_takes_something_away_says_that_it_was_there(
     assert ("takes it away" in BY_ID[mechanism].why_not(scene)) == had_it
 
 
+@pytest.mark.parametrize(
+    ("mechanism", "setting", "limit", "lacks"),
+    [
+        ("lens-anisotropy", {"isotropic": False}, 0, True),
+        ("lens-anisotropy", {"anisotropic": True}, 0, True),
+        ("lens-anisotropy", {"isotropic": True}, 0, False),
+        ("bounce-truncation", {"max_bounces": 60}, 4, True),
+        ("bounce-truncation", {"max_bounces": 4}, 60, False),
+        ("bounce-truncation", {"max_bounces": 60}, 0, False),  # how many there were is not told
+        ("wall-scatter", {"scattered_share": 0.1}, 0, False),
+    ],
+)
+def test_a_variant_with_what_the_prediction_lacks_says_so(
+    tmp_path: Path, mechanism: str, setting: dict[str, Any], limit: int, lacks: bool
+) -> None:
+    scene = varied(tmp_path / "case", (mechanism, setting, times(0.9), ""), simulation={"max_bounces": limit})
+    assert scene.retraced is not None
+    assert scene.retraced.lacked == ({mechanism} if lacks else set())
+
+
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:
     scene = varied(tmp_path / "case", ("clock-offset", {"offset_min": 10.0}, times(0.9), ""))
     (way, by_the_roof) = [t for t in terms_of(BY_ID["clock-offset"], scene) if "image" not in t.branch.label]

@@ -28,6 +28,8 @@ from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     FLATTENS,
     HOLDS_LAWS,
+    LACKED,
+    LACKED_ODDS,
     LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
     LIKELIER,
@@ -972,6 +974,27 @@ def test_a_further_name_of_a_meter_that_no_reading_shows_is_less_likely(arm: Sce
     seen = share_of(meter, nothing, [meter, dirt], 60.0)
     unseen = share_of(meter, nothing, [meter, dirt], 60.0, unseen=frozenset({"meter-cosine"}))
     assert unseen == pytest.approx(expit(logit(seen) - LIKELIER))
+
+
+def test_what_the_prediction_lacks_by_the_cases_account_is_likelier_and_asked_for_less(arm: Scene) -> None:
+    """As the first name, beside a far wrong lens, and as a further name."""
+    nothing, lacked = _hypothesis(arm, 0.0), frozenset({"cosine-response"})
+    lacking, dirt = _hypothesis(arm, 35.0, "cosine-response"), _hypothesis(arm, 40.0, "soiling")
+    lacking.fit.hyper = Hyper(1.0, 1.0, 2.5)
+    plain, told = (Conclusion(nothing, nothing, [dirt, lacking], lacked=names) for names in (frozenset[str](), lacked))
+    assert asked.first(lacking, told, 1.0) == LACKED < asked.first(lacking, plain, 1.0)
+    assert asked.least_effect(lacking, told) < asked.least_effect(lacking, plain)
+    assert [first_of([dirt, lacking], f).ids for f in (plain, told)] == [dirt.ids, lacking.ids]
+    assert [_likeliest(f, [dirt, lacking], nothing, 0.0).ids for f in (plain, told)] == [dirt.ids, lacking.ids]
+    shares = [share_of(lacking, nothing, [dirt, lacking], 35.0, lacked=f.lacked) for f in (plain, told)]
+    assert logit(shares[1]) == pytest.approx(logit(shares[0]) + LACKED_ODDS)
+    rough = _decided(arm, ("cosine-response", 45.0), hyper=Hyper(3.6, 1.0, 2.5))
+    assert rough.verdict == "unexplained"
+    rough.lacked = lacked
+    decide(rough, 1.0)
+    assert rough.verdict == "partly-explained", "however rough what is left"
+    asked_beside = [asked.beside(lacking, nothing, f, "cosine-response", random=False) for f in (plain, told)]
+    assert asked_beside[1] == LACKED < asked_beside[0]
 
 
 def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
