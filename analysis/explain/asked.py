@@ -69,8 +69,8 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     (Where a sensor's gain led, in five of 200 by three other authors, it was true.)
     """
     lens = h.fit.hyper.lens
-    far_wrong = not found.one_instrument and lens > WRONG_LENS and h.ids != (ChannelGain.id,)
-    far_wrong = far_wrong and not set(h.ids) & found.lacked
+    never_wrong = {ChannelGain.id, *found.lacked}
+    far_wrong = not found.one_instrument and lens > WRONG_LENS and not set(h.ids) <= never_wrong
     return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 
 

@@ -10,6 +10,7 @@ from analysis.explain.conclusion import Conclusion, Unnamed, doubles
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.likelier import beforehand
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Search
@@ -17,9 +18,7 @@ from analysis.explain.thresholds import (
     ALIKE,
     BASES,
     HOLDS_LAWS,
-    LACKED_ODDS,
     LIKE_THE_BEST,
-    LIKELIER,
     NAME_FIRST_BELOW,
     NAME_SECOND_BELOW,
     RUNNER_UP,
@@ -27,6 +26,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
+from analysis.explain.variants import lacked_by
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles
 
 
@@ -43,7 +43,7 @@ def conclude(search: Search) -> Conclusion:
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
-    found.lacked = search.scene.retraced.lacked if search.scene.retraced is not None else frozenset()
+    found.lacked = lacked_by(search.scene.readings.case)
     few = asked.share_of_few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:
@@ -185,7 +185,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
     random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    share = share_of(best, base, candidates, gain, found.nat, found.unseen, found.lacked)
+    share = share_of(found, best, base, candidates, gain)
     needed = asked.beside(best, base, found, new, random, share)
     # what gains too little to be told does not say either that others would do as well
     found.shares[frozenset(base.ids), new] = share if gain >= needed else 1.0
@@ -209,13 +209,8 @@ def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis
     account, if it is hardly behind another.
     """
     nats = found.temper(max(h.evidence for h in candidates) - alone)
-    unread = found.unseen - set(base.ids)
-    lacked = found.lacked - set(base.ids)
-
-    def odds(h: Hypothesis) -> float:
-        return LACKED_ODDS * bool(lacked & set(h.ids)) - LIKELIER * bool(unread & set(h.ids))
-
-    return max(candidates, key=lambda h: h.evidence + nats * odds(h))
+    ids = frozenset(base.ids)
+    return max(candidates, key=lambda h: h.evidence + nats * beforehand(found, frozenset(h.ids) - ids))
 
 
 def _others(ids: tuple[str, ...], name: str) -> frozenset[str]:

@@ -63,6 +63,11 @@ def _beside(found: Conclusion, rival: tuple[str, ...]) -> float:
     return by_itself(found, first, rival) - (by_itself(found, rival[0], (first,)) if len(rival) == 1 else 0.0)
 
 
+def beforehand(found: Conclusion, names: frozenset[str]) -> float:
+    """Log odds of names that are added to others, against any: of what the prediction lacks, or of no instrument."""
+    return LACKED_ODDS * bool(names & found.lacked) - LIKELIER * bool(names & found.unseen)
+
+
 def beside(h: Hypothesis, other: Hypothesis) -> float:
     """How much likelier what one set adds to a first name is than what another adds."""
     names = h.ids[-1], other.ids[-1]

@@ -24,8 +24,6 @@ class Path:
         Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
     of_case
         Whether the case brings it: its lens is the prediction's own, not one that is like it.
-    adds
-        Whether the case brings with it what its prediction lacks by its own account: a pattern, or further bounces.
     held
         Other settings that were changed with it, and stay as they were simulated.
     """
@@ -38,7 +36,6 @@ class Path:
     geometric: bool = False
     added: bool = False
     of_case: bool = False
-    adds: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:
@@ -109,11 +106,6 @@ class Retraced:
         """Paths of settings for one mechanism: a case's variants may not reach as far as the settings do."""
         own = self.case_paths.get(mechanism, ())
         return own if self.simulator is None else (*own, *self.simulator.paths(mechanism))
-
-    @property
-    def lacked(self) -> frozenset[str]:
-        """Mechanisms that the prediction lacks by the case's own account (`Path.adds`)."""
-        return frozenset(name for name, paths in self.case_paths.items() if any(path.adds for path in paths))
 
     def sun_later(self, minutes: float, path: Path | None = None) -> Floats | None:
         """Ratio (T, P, G) of the sun part with the sun ``minutes`` later, by the first path if none is given.

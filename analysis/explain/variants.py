@@ -20,7 +20,6 @@ _AMOUNT = "fraction"  # of settings that are changed together, the one that says
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
 """How labels of paths begin that the case itself brings."""
-_PATTERNS: Final = frozenset({"isotropic = False", "anisotropic = True"})
 _ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
 _OF_A_SYSTEM: Final = frozenset(
     {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
@@ -77,6 +76,21 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     if len(walls) == len(tests) > 1:
         paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
     return Retraced(paths, simulator)
+
+
+def lacked_by(case: Case) -> frozenset[str]:
+    """Mechanisms that the prediction lacks by the case's own account: some variant has them, and it has them not."""
+    return frozenset(v.mechanism for v in case.setup.variant if _adds(v, case.setup.simulation.max_bounces))
+
+
+def _adds(variant: Variant, limit: int) -> bool:
+    """Whether a variant has more than the prediction: the lens's pattern, or bounces beyond a told ``limit``."""
+    setting = variant.setting
+    if variant.mechanism == "bounce-truncation":
+        bounces = setting.get("max_bounces")
+        return isinstance(bounces, int | float) and 0 < limit < bounces
+    patterned = setting.get("isotropic") is False or setting.get("anisotropic") is True
+    return variant.mechanism == "lens-anisotropy" and patterned
 
 
 def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
@@ -145,15 +159,7 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        adds = _adds(case, kind, run.value)
-        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True, adds=adds)
-
-
-def _adds(case: Case, kind: _Kind, value: float | None) -> bool:
-    """Whether a variant has what the prediction lacks: a pattern of the lens, or bounces beyond the limit it tells."""
-    if kind.mechanism == "bounce-truncation":
-        return value is not None and 0 < (case.setup.simulation.max_bounces or 0) < value
-    return kind.mechanism == "lens-anisotropy" and kind.key in _PATTERNS
+        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:

@@ -19,7 +19,6 @@ from analysis.explain.thresholds import (
     EVEN_LENS,
     EVEN_PICTURE,
     EVEN_READINGS,
-    LACKED_ODDS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_RANDOM,
@@ -37,7 +36,6 @@ from analysis.explain.thresholds import (
     ROUGH_ONE,
     STRONG,
     SURE_ALONE,
-    TEMPER,
     TEMPER_RANDOM,
     UNNAMED,
     UNNAMED_ALONE,
@@ -124,27 +122,20 @@ def _another_lens(found: Conclusion) -> bool:
     return left.shape > OTHER_LENS.shape and left.lens > OTHER_LENS.lens and not told
 
 
-def share_of(
-    best: Hypothesis,
-    base: Hypothesis,
-    candidates: list[Hypothesis],
-    gain: float,
-    nat: float = TEMPER,
-    unseen: frozenset[str] = frozenset(),
-    lacked: frozenset[str] = frozenset(),
-) -> float:
+def share_of(found: Conclusion, best: Hypothesis, base: Hypothesis, candidates: list[Hypothesis], gain: float) -> float:
     """Probability that what ``best`` adds to ``base``, gaining so much, is the one, not the best other candidate.
 
-    What is ``unseen`` (`Conclusion.unseen`) is less likely, the one as well as its rivals, and so is what is the less
-    likely of two alike; what is ``lacked`` (`Conclusion.lacked`) is likelier.
+    What is likelier beforehand (`likelier.beforehand`), and of two that do alike (`likelier.beside`), counts.
     """
-    (new,) = set(best.ids) - set(base.ids)
-    nats = temper(gain, nat)
-    added = [(set(h.ids) - set(base.ids), h) for h in candidates]
-    rivals = [(ids, h) for ids, h in added if not ids & {new, *doubles(new)}]
-    odds = {name: LACKED_ODDS * (name in lacked) - LIKELIER * (name in unseen) for ids, _ in added for name in ids}
-    others = [h.evidence + nats * (max(odds[m] for m in ids) - likelier.beside(best, h)) for ids, h in rivals]
-    return float(expit((best.evidence - max(others, default=base.evidence)) / nats + odds[new]))
+    ids = frozenset(base.ids)
+    (new,) = set(best.ids) - ids
+    nats = temper(gain, found.nat)
+    added = [(frozenset(h.ids) - ids, h) for h in candidates]
+    rivals = [(names, h) for names, h in added if not names & {new, *doubles(new)}]
+    odds = [likelier.beforehand(found, names) - likelier.beside(best, h) for names, h in rivals]
+    others = [h.evidence + nats * ahead for (_, h), ahead in zip(rivals, odds, strict=True)]
+    own = likelier.beforehand(found, frozenset({new}))
+    return float(expit((best.evidence - max(others, default=base.evidence)) / nats + own))
 
 
 def name_the_sure(found: Conclusion) -> bool:

@@ -310,7 +310,7 @@ def test_a_response_that_flattens_is_a_range_that_ends(
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
         beside = [replace(h, fit=replace(h.fit)) for h in (first, second)]
-        assert share_of(beside[0], found.nothing, beside, 40.0) == pytest.approx(expit(sure), abs=1e-6)
+        assert share_of(found, beside[0], found.nothing, beside, 40.0) == pytest.approx(expit(sure), abs=1e-6)
 
 
 @pytest.mark.parametrize(("units", "told"), [(0.0, "meter-tilt"), (2.0, "meter-tilt"), (3.0, "clock-offset")])
@@ -971,8 +971,8 @@ def test_doubles_that_act_together_are_two_names(arm: Scene) -> None:
 def test_a_further_name_of_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
     nothing = _hypothesis(arm, 0.0)
     meter, dirt = (_hypothesis(arm, gain, name) for gain, name in ((60.0, "meter-cosine"), (40.0, "soiling")))
-    seen = share_of(meter, nothing, [meter, dirt], 60.0)
-    unseen = share_of(meter, nothing, [meter, dirt], 60.0, unseen=frozenset({"meter-cosine"}))
+    of_either = Conclusion(nothing, nothing, []), Conclusion(nothing, nothing, [], unseen=frozenset({"meter-cosine"}))
+    seen, unseen = (share_of(found, meter, nothing, [meter, dirt], 60.0) for found in of_either)
     assert unseen == pytest.approx(expit(logit(seen) - LIKELIER))
 
 
@@ -986,7 +986,7 @@ def test_what_the_prediction_lacks_by_the_cases_account_is_likelier_and_asked_fo
     assert asked.least_effect(lacking, told) < asked.least_effect(lacking, plain)
     assert [first_of([dirt, lacking], f).ids for f in (plain, told)] == [dirt.ids, lacking.ids]
     assert [_likeliest(f, [dirt, lacking], nothing, 0.0).ids for f in (plain, told)] == [dirt.ids, lacking.ids]
-    shares = [share_of(lacking, nothing, [dirt, lacking], 35.0, lacked=f.lacked) for f in (plain, told)]
+    shares = [share_of(f, lacking, nothing, [dirt, lacking], 35.0) for f in (plain, told)]
     assert logit(shares[1]) == pytest.approx(logit(shares[0]) + LACKED_ODDS)
     rough = _decided(arm, ("cosine-response", 45.0), hyper=Hyper(3.6, 1.0, 2.5))
     assert rough.verdict == "unexplained"
@@ -1069,8 +1069,9 @@ def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
     base = _hypothesis(arm, 100.0, "c-offset")
     pairs = [_hypothesis(arm, e, "c-offset", name) for name, e in (("dark-offset", 140.0), ("stray-light", 139.0))]
     rival = _hypothesis(arm, 138.0, "c-offset", "near-field")
-    assert share_of(pairs[0], base, pairs, 40.0) > 0.9
-    assert share_of(pairs[0], base, [*pairs, rival], 40.0) == pytest.approx(0.53, abs=0.01)
+    found = Conclusion(base, base, [])
+    assert share_of(found, pairs[0], base, pairs, 40.0) > 0.9
+    assert share_of(found, pairs[0], base, [*pairs, rival], 40.0) == pytest.approx(0.53, abs=0.01)
 
 
 def test_a_rough_rest_counts_beside_what_is_explained(arm: Scene) -> None:
