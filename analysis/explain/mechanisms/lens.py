@@ -1,6 +1,9 @@
 """The lens: haze, and the pattern of its prisms."""
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
@@ -126,6 +129,19 @@ class LensAnisotropy(Retraced):
         return super().size_error_in(scene, branch) if branch.of_case else IMAGES_OF_SIZE
 
 
+@dataclass(frozen=True)
+class _Turned:
+    """Systems below which all light turns with the lens, and those where the sun's image turns about its middle."""
+
+    whole: tuple[str, ...] = ()
+    image: tuple[str, ...] = ()
+
+    def tests(self, scene: Scene) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which tests (T,) are of either."""
+        systems = [t.system or "" for t in scene.readings.case.tests]
+        return np.isin(systems, self.whole), np.isin(systems, self.image)
+
+
 class LensOrientation(Retraced):
     """The lens pattern lies turned or mirrored."""
 
@@ -149,7 +165,7 @@ class LensOrientation(Retraced):
     modelled_twice = True
     source = (
         "re-simulation; small turns also as a turn of the sun's image about its middle, below a long well of all "
-        "light; report test 15 and chapter 9"
+        "light, below several systems of each in its way; report test 15 and chapter 9"
     )
     tie_breaker = "turn the skylight by 90°"
 
@@ -165,42 +181,51 @@ class LensOrientation(Retraced):
 
         A round one has no directions of its own, and a square one sends light to all four sides: what the lens below
         it makes turns with the lens. (Where a square one is the only system, that is an arm turned the other way.)
+        Lenses that all lie turned alike do each below its own well what it does there; an arm that is turned does
+        the same below all. (Of two such cases by another author both had been told as an arm's azimuth.)
         """
-        image = (Branch("turn of the sun's image", "image"),) if scene.knows_image else ()
-        read = set(systems_on_the_arm(scene).values())
+        read = tuple(systems_on_the_arm(scene).values())
+        patterns = [s for s in scene.readings.case.setup.system if s.lens in (None, "prismatic") and s.id in read]
         long = {"tube", "box"} if len(read) > 1 else {"tube"}
-        wells = {s.id for s in scene.readings.case.setup.system if s.kind in long and s.lens in (None, "prismatic")}
-        whole = (Branch(f"turn of all light of {name}", f"all:{name}") for name in sorted(wells & read))
-        return (*super().branches(scene), *image, *whole)
+        wells, others = (tuple(sorted(s.id for s in patterns if (s.kind in long) == deep)) for deep in (True, False))
+        image = (Branch("turn of the sun's image", _Turned(image=read)),) if scene.knows_image else ()
+        whole = (Branch(f"turn of all light of {name}", _Turned(whole=(name,))) for name in wells)
+        every = (Branch("turn of every lens", _Turned(wells, others), sort="every"),)
+        return (*super().branches(scene), *image, *whole, *(every if image and wells and len(patterns) > 1 else ()))
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Light turns by less than the lens does: images lie about the sun's place, which stays."""
-        return _OF_ALL_LIGHT if str(branch.value).startswith("all:") else super().size_error_in(scene, branch)
+        return _OF_ALL_LIGHT if _whole(branch) else super().size_error_in(scene, branch)
 
     def local_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens sends its images elsewhere than the one that was traced."""
-        moves_images = isinstance(branch.value, Path) or branch.value.startswith("all:")
+        moves_images = isinstance(branch.value, Path) or _whole(branch)
         return _OTHER_LENS if moves_images and np.any(scene.is_gonio) else 0.0
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """An image is turned by less than its own symmetry."""
-        return (_IMAGE_TURN,) if isinstance(branch.value, str) else super().parameters_in(scene, branch)
+        return (_IMAGE_TURN,) if isinstance(branch.value, _Turned) else super().parameters_in(scene, branch)
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Turn the image, or change both parts as the re-simulation did."""
-        if not isinstance(branch.value, str):
+        if not isinstance(branch.value, _Turned):
             super().illuminate(scene, light, p, branch)
             return
-        if branch.value.startswith("all:"):
-            mine = [float(p[0]) * (f"all:{t.system}" == branch.value) for t in scene.readings.case.tests]
-            upright = np.tile([0.0, 0.0, 1.0], (len(mine), 1))
-            light.sun, light.sky = (turned(part, upright, np.array(mine)) for part in (light.sun, light.sky))
-            return
-        middle = -scene.sun_vectors  # the light goes on away from the sun; seen from above, turns go the other way
-        light.sun = turned(light.sun, -middle, np.full(len(middle), float(p[0])))
+        whole, image = (p[0] * rows for rows in branch.value.tests(scene))
+        if np.any(whole):
+            upright = np.tile([0.0, 0.0, 1.0], (len(whole), 1))
+            light.sun, light.sky = (turned(part, upright, whole) for part in (light.sun, light.sky))
+        if np.any(image):
+            middle = -scene.sun_vectors  # the light goes on away from the sun; seen from above, turns go the other way
+            light.sun = turned(light.sun, -middle, image)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""
-        if not isinstance(branch.value, str):
+        if not isinstance(branch.value, _Turned):
             return super().statement(p, branch)
         return f"The lens pattern is turned by {p[0]:+.1f}° (counter-clockwise from above) against the simulated one."
+
+
+def _whole(branch: Branch) -> bool:
+    """Whether all light below some well turns with the lens."""
+    return isinstance(branch.value, _Turned) and bool(branch.value.whole)

@@ -182,6 +182,17 @@ def test_below_a_round_well_a_lens_that_is_turned_is_an_arm_turned_back(arm: Sce
     assert turned[~tube] == pytest.approx(arm.readings.simulated[~tube], rel=1e-9)
 
 
+@pytest.mark.parametrize("angle", [-25.0, 3.0, 14.0])
+def test_lenses_that_are_all_turned_do_below_each_well_what_it_does_there(tmp_path: Path, angle: float) -> None:
+    table = tomllib.loads((make_case(tmp_path / "as it is").folder / "case.toml").read_text())
+    systems = [s | {"lens": "prismatic", "kind": "top" if s["id"] == "box" else "tube"} for s in table["system"]]
+    scene = Scene(Readings.of(make_case(tmp_path / "case", change={"system": systems})))
+    ways = ("turn of every lens", "turn of all light of tube", "turn of the sun's image")
+    every, tube, image = (predict(scene, (term(scene, "lens-orientation", w),), np.array([angle])) for w in ways)
+    below = np.array([t.system == "tube" for t in scene.readings.case.tests])[scene.readings.test]
+    assert every == pytest.approx(np.where(below, tube, image), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("lens", "kind", "ways"),
     [("prismatic", "top", 1), ("diffusing", "box", 0), ("clear", "box", 0), ("prismatic", "box", 2)],
