@@ -5,6 +5,8 @@ already) is the same simulation again with other rays. Half of such a change add
 prediction's rays, and gain in its name what no physics does: so all such variants' mean is a nuisance, in each system
 with a size of its own. What marks them is that neighbouring directions differ by as much as far ones, and that
 two of them have something in common nevertheless: the baseline's rays.
+
+And what has by its setting what the prediction lacks, but differs by no more than rays, says that it lacks nothing.
 """
 
 from collections.abc import Iterator
@@ -16,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import Fields
+from analysis.explain.retrace import Path
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from labdaq import directions
@@ -30,6 +33,7 @@ small; .6 where a variant of another author's moved sharp images.)"""
 SHARED: Final = 0.2
 """Two such changes correlate by this or more; by a half where all runs have as many rays."""
 _SAME: Final = 0.999
+_NOTHING: Final = 1e-4
 _NEIGHBOURS: Final = 4
 _LEAST: Final = 40
 
@@ -57,23 +61,43 @@ def _again(scene: Scene) -> Floats:
     return np.array(found).reshape(len(found), len(r))
 
 
+def lacked_by(scene: Scene) -> frozenset[str]:
+    """Mechanisms that the prediction lacks by the case's account: a variant has them, and differs by more than rays."""
+    paths = {} if scene.retraced is None else scene.retraced.case_paths
+    return frozenset(m for m, own in paths.items() if any(p.adds and _changes_something(scene, p) for p in own))
+
+
+def _changes_something(scene: Scene, path: Path) -> bool:
+    r = scene.readings
+    for change in _changes_by(scene, path):
+        for system in np.unique(r.system[r.test[scene.is_gonio]]):
+            rows = np.flatnonzero(scene.is_gonio & (r.system[r.test] == system))
+            if np.std(change[rows]) > _NOTHING and not _is_again(scene, rows, change[rows]):
+                return True
+    return False
+
+
 def _changes(scene: Scene) -> Iterator[Floats]:
     """Relative change (N,) of the readings by each simulated setting of each variant."""
+    for paths in scene.retraced.case_paths.values() if scene.retraced is not None else ():
+        for path in paths:
+            yield from _changes_by(scene, path)
+
+
+def _changes_by(scene: Scene, path: Path) -> Iterator[Floats]:
     r, base = scene.readings, scene.fields
     at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
     here = np.maximum(at(base.total), 1e-9)
-    for paths in scene.retraced.case_paths.values() if scene.retraced is not None else ():
-        for path in paths:
-            for sun, sky in zip(path.sun, path.sky, strict=True):
-                changed = Fields(base.sun * sun, base.sky * sky)
-                yield np.clip(at(changed.total) / here - 1.0, -1.0, 1.0)
+    for sun, sky in zip(path.sun, path.sky, strict=True):
+        changed = Fields(base.sun * sun, base.sky * sky)
+        yield np.clip(at(changed.total) / here - 1.0, -1.0, 1.0)
 
 
 def _is_again(scene: Scene, rows: NDArray[np.int64], change: Floats) -> bool:
     """Whether a change (n,) of the rows below a system is that of other rays alone."""
     r = scene.readings
     sd = float(np.std(change))
-    if len(rows) < _LEAST or not 1e-4 < sd < SMALL:
+    if len(rows) < _LEAST or not _NOTHING < sd < SMALL:
         return False
     squares = []
     for test in np.unique(r.test[rows]):

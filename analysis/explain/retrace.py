@@ -24,6 +24,8 @@ class Path:
         Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
     of_case
         Whether the case brings it: its lens is the prediction's own, not one that is like it.
+    adds
+        Whether it has, by its setting, what the prediction lacks.
     held
         Other settings that were changed with it, and stay as they were simulated.
     """
@@ -36,6 +38,7 @@ class Path:
     geometric: bool = False
     added: bool = False
     of_case: bool = False
+    adds: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:

@@ -78,21 +78,6 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     return Retraced(paths, simulator)
 
 
-def lacked_by(case: Case) -> frozenset[str]:
-    """Mechanisms that the prediction lacks by the case's own account: some variant has them, and it has them not."""
-    return frozenset(v.mechanism for v in case.setup.variant if _adds(v, case.setup.simulation.max_bounces))
-
-
-def _adds(variant: Variant, limit: int) -> bool:
-    """Whether a variant has more than the prediction: the lens's pattern, or bounces beyond a told ``limit``."""
-    setting = variant.setting
-    if variant.mechanism == "bounce-truncation":
-        bounces = setting.get("max_bounces")
-        return isinstance(bounces, int | float) and 0 < limit < bounces
-    patterned = setting.get("isotropic") is False or setting.get("anisotropic") is True
-    return variant.mechanism == "lens-anisotropy" and patterned
-
-
 def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
     """What was run for each system apart with the same settings, as one run of all (walls start from their own)."""
     alike: dict[_Kind, list[_Kind]] = {}
@@ -159,7 +144,15 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
+        path = Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
+        yield replace(path, adds=_adds(kind, run, case.setup.simulation.max_bounces))
+
+
+def _adds(kind: _Kind, run: _Run, limit: int) -> bool:
+    """Whether a variant has more than the prediction: the lens's pattern, or bounces beyond a told ``limit``."""
+    if kind.mechanism == "bounce-truncation":
+        return kind.key == "max_bounces" and run.value is not None and 0 < limit < run.value
+    return kind.mechanism == "lens-anisotropy" and kind.label in {"isotropic = False", "anisotropic = True"}
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:

@@ -13,10 +13,11 @@ from analysis.explain.apply import Model, apply_model
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.mechanisms.base import predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.ray_noise import lacked_by
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.variants import lacked_by, retraced_of
+from analysis.explain.variants import retraced_of
 from analysis.photometry import Distribution
 from analysis.photometry.lm63 import FileGeneration, render_lm63
 from tests.analysis.explain import effects
@@ -255,7 +256,18 @@ def test_a_variant_with_what_the_prediction_lacks_says_so(
     tmp_path: Path, mechanism: str, setting: dict[str, Any], limit: int, lacks: bool
 ) -> None:
     scene = varied(tmp_path / "case", (mechanism, setting, times(0.9), ""), simulation={"max_bounces": limit})
-    assert lacked_by(scene.readings.case) == ({mechanism} if lacks else set())
+    assert lacked_by(scene) == ({mechanism} if lacks else set())
+
+
+def test_where_one_variant_takes_a_pattern_and_one_gives_more_of_it_the_second_is_tried(tmp_path: Path) -> None:
+    """The prediction had a part of it; the one that takes it away is no physics that was left out."""
+    pattern, more, less = BY_ID["lens-anisotropy"], times(0.9), times(1.1)
+    runs = ("lens-anisotropy", {"isotropic": False}, more, ""), ("lens-anisotropy", {"isotropic": True}, less, "")
+    scene = varied(tmp_path / "case", *runs)
+    assert not pattern.why_not(scene)
+    labels = {b.label for b in pattern.branches(scene)}
+    assert "case's variant isotropic = False" in labels
+    assert not any("isotropic = True" in label for label in labels)
 
 
 def test_a_clock_may_be_off_the_other_way_than_the_variant(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.explain.fit import Fitter
-from analysis.explain.ray_noise import USUAL, ray_noise
+from analysis.explain.ray_noise import USUAL, lacked_by, ray_noise
 from analysis.explain.search import Search
 from tests.analysis.explain.campaign import Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import Run, turned, varied, wider
@@ -41,6 +41,12 @@ def test_runs_with_other_rays_tell_what_the_prediction_s_rays_have_wrong(tmp_pat
     assert np.all(np.count_nonzero(effects, axis=1) == 1), "each reading below its own system"
     share = np.sqrt(np.mean((r.sun / r.simulated) ** 2))  # the sky part's rays scatter nothing here
     assert np.std(effects.sum(axis=1)) == pytest.approx(USUAL * SD * np.sqrt(1.5) * share, rel=0.3)
+
+
+@pytest.mark.parametrize("run", [again("a"), sun_part])
+def test_a_pattern_that_changes_nothing_but_rays_was_not_lacking(tmp_path: Path, run: Run) -> None:
+    scene = varied(tmp_path / "c", ("lens-anisotropy", {"isotropic": False}, run, ""))
+    assert not lacked_by(scene)
 
 
 def test_what_scatters_alone_or_changes_something_is_no_ray_noise(tmp_path: Path) -> None:
