@@ -16,7 +16,7 @@ from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.mechanisms.timing import HOUR, ClockOffset
 from analysis.explain.ratios import ratio
 from analysis.explain.retrace import Path
-from analysis.explain.roomlight import inside
+from analysis.explain.roomlight import DarkRoom, inside
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
 from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top
@@ -186,22 +186,18 @@ class _Radiosity(Mechanism):
 
         Beyond the walls there are none: there the last ring before them counts.
         """
-        setup = scene.readings.case.setup
-        assert setup.room is not None
-        assert setup.goniometer is not None
-        assert setup.goniometer.distance_m is not None
-        distance_m, half_angle_deg = setup.goniometer.distance_m, setup.goniometer.sensor_half_angle_deg
-        width, depth, height = setup.room.size_m
-        room = Room((width, depth, height), float(p[0]), float(p[1]), float(p[0]), half_angle_deg)
+        dark = DarkRoom.of(scene.readings.case.setup)
+        assert dark is not None
+        room = Room(dark.size_m, float(p[0]), float(p[1]), float(p[0]), dark.half_angle_deg)
         sun, sky = light.factor_of_tests(scene.readings.test, len(light.sun))
         field = sun[:, None, None] * light.sun + sky[:, None, None] * light.sky
         added = np.zeros_like(field)
-        rings = inside(_ROOM_GAMMA, (width, depth, height), distance_m)
+        rings = inside(_ROOM_GAMMA, dark.size_m, dark.distance_m)
         beyond = len(_ROOM_GAMMA) - len(rings)
         for k in np.unique(scene.readings.test[scene.is_gonio]):
             closed = np.append(C_DEG, 360.0)
             far = Distribution(GAMMA_DEG, closed, np.concatenate([field[k], field[k, :1]]))
-            coarse = room.added(far, rings[None, :], _ROOM_C[:, None], distance_m)
+            coarse = room.added(far, rings[None, :], _ROOM_C[:, None], dark.distance_m)
             coarse = np.pad(np.concatenate([coarse, coarse[:1]]), ((0, 0), (0, beyond)), mode="edge")
             added[k] = Distribution(_ROOM_GAMMA, np.append(_ROOM_C, 360.0), coarse).at(
                 GAMMA_DEG[None, :], C_DEG[:, None]

@@ -32,6 +32,7 @@ _SIMULATED = {
     "bounce-truncation",
     "wall-scatter",
     "near-field",
+    "room-interreflection",  # in a room that is told, or supposed
 }
 
 

@@ -41,7 +41,7 @@ _LEAST: Final = 40
 def ray_noise(scene: Scene) -> Floats:
     """Unit effects (N, K) on the stretched scale, one for each system with such variants."""
     r = scene.readings
-    if not np.any(scene.is_gonio) or scene.retraced is None or not scene.retraced.case_paths:
+    if not np.any(scene.is_gonio) or scene.retraced is None:
         return np.zeros((len(r), 0))
     return np.asarray(USUAL * (scene.remember_rows(_again) * np.abs(r.measured) / r.scale).T)
 
@@ -67,6 +67,13 @@ def lacked_by(scene: Scene) -> frozenset[str]:
     return frozenset(m for m, own in paths.items() if any(p.adds and _changes_something(scene, p) for p in own))
 
 
+def had_by(scene: Scene) -> frozenset[str]:
+    """Mechanisms that the prediction has, likewise: a variant takes them away, and none gives more of them."""
+    paths = {} if scene.retraced is None else scene.retraced.taken
+    taken = frozenset(m for m, own in paths.items() if any(_changes_something(scene, p) for p in own))
+    return taken - lacked_by(scene)
+
+
 def _changes_something(scene: Scene, path: Path) -> bool:
     r = scene.readings
     for change in _changes_by(scene, path):
@@ -79,9 +86,8 @@ def _changes_something(scene: Scene, path: Path) -> bool:
 
 def _changes(scene: Scene) -> Iterator[Floats]:
     """Relative change (N,) of the readings by each simulated setting of each variant."""
-    for paths in scene.retraced.case_paths.values() if scene.retraced is not None else ():
-        for path in paths:
-            yield from _changes_by(scene, path)
+    for path in scene.retraced.of_case() if scene.retraced is not None else ():
+        yield from _changes_by(scene, path)
 
 
 def _changes_by(scene: Scene, path: Path) -> Iterator[Floats]:

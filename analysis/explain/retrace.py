@@ -100,10 +100,26 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True)
 class Retraced:
-    """All re-simulations that a case can have; the case's own variants come first."""
+    """All re-simulations that a case can have; the case's own variants come first.
+
+    Attributes
+    ----------
+    case_paths
+        Mechanism to what the case's variants change.
+    simulator
+        Supplies what they do not.
+    taken
+        Mechanism to what variants take away that the prediction may have: a lens's pattern, the near field.
+    """
 
     case_paths: dict[str, tuple[Path, ...]]
     simulator: Simulator | None = None
+    taken: dict[str, tuple[Path, ...]] = field(default_factory=dict)
+
+    def of_case(self) -> Iterator[Path]:
+        """All that the case's variants change or take away."""
+        for paths in (*self.case_paths.values(), *self.taken.values()):
+            yield from paths
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:
         """Paths of settings for one mechanism: a case's variants may not reach as far as the settings do."""

@@ -9,14 +9,46 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from analysis.cases.model import Floats
+from analysis.cases.model import USUAL_ARM_M, CaseFile, Floats, Goniometer
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import bilinear
 from analysis.simulate.room import Patches, Room, gathered, patches_of
 from labdaq import directions
 
+_PER_ARM = 2.11
+"""Edge of a room that a case does not describe, over the arm's length: the report's is a cube of 5.486 m, for 2.6."""
 _RINGS = np.arange(0.0, 90.1, 7.5)  # the light from the room varies slowly from sensor to sensor
 _PLANES = np.arange(0.0, 360.0, 22.5)
+
+
+@dataclass(frozen=True)
+class DarkRoom:
+    """What the arm stands in, as far as a case says.
+
+    Attributes
+    ----------
+    size_m
+        East-west, north-south, height [m].
+    distance_m, half_angle_deg
+        From the aperture's centre to the sensors, and what they take light within.
+    supposed
+        Whether size or distance is not told, and the report's laboratory stands for it.
+    """
+
+    size_m: tuple[float, float, float]
+    distance_m: float
+    half_angle_deg: float
+    supposed: bool
+
+    @classmethod
+    def of(cls, setup: CaseFile) -> "DarkRoom | None":
+        """The case's room; ``None`` where the arm's sensors, at nadir at least, are not inside it."""
+        arm = setup.goniometer or Goniometer()
+        distance = arm.distance_m or USUAL_ARM_M
+        edge = _PER_ARM * distance
+        size = setup.room.size_m if setup.room else (edge, edge, edge)
+        supposed = setup.room is None or arm.distance_m is None
+        return cls(size, distance, arm.sensor_half_angle_deg, supposed) if distance < size[2] else None
 
 
 @dataclass(frozen=True)
@@ -42,11 +74,6 @@ class RoomLight:
         room = Room(self.size_m, wall_reflectance, floor_reflectance, wall_reflectance)
         sent = room.exitance_soon(np.asarray(self.lit @ field.reshape(len(field), -1).T))
         return _refine(np.asarray(self.seen @ sent).T.reshape(len(field), len(_PLANES), -1))
-
-
-def fits(size_m: tuple[float, float, float], distance_m: float) -> bool:
-    """Whether an arm's sensors, at nadir at least, are inside a room."""
-    return distance_m < size_m[2]
 
 
 def inside(rings_deg: Floats, size_m: tuple[float, float, float], distance_m: float) -> Floats:

@@ -21,6 +21,11 @@ _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
 """How labels of paths begin that the case itself brings."""
 _ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
+_GIVEN: Final = frozenset({("lens-anisotropy", "isotropic = False"), ("lens-anisotropy", "anisotropic = True")})
+_TAKEN: Final = frozenset(
+    {("lens-anisotropy", "isotropic = True"), ("lens-anisotropy", "anisotropic = False"), ("near-field", "field = far")}
+)
+"""Settings with what a prediction may lack, and without what it may have."""
 _OF_A_SYSTEM: Final = frozenset(
     {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
 )
@@ -63,6 +68,7 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     for k, test in enumerate(case.tests):
         tests.setdefault(test.system or "", []).append(k)
     paths: dict[str, tuple[Path, ...]] = {}
+    taken: dict[str, tuple[Path, ...]] = {}
     walls: dict[str, Path] = {}
     for kind, runs in (*kinds.items(), *_together(kinds)):
         alone = next(iter(kind.systems)) if len(kind.systems) == 1 < len(tests) else ""
@@ -70,12 +76,13 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
             named = replace(path, label=f"{path.label}, {alone} only") if alone else path
             apart = kind in kinds and kind.mechanism in _OF_A_SYSTEM
             ways = by_system(named, tests) if apart else (named,)
-            paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), *ways)
+            mine = taken if (kind.mechanism, kind.label) in _TAKEN else paths
+            mine[kind.mechanism] = (*mine.get(kind.mechanism, ()), *ways)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
                 walls[alone] = path
     if len(walls) == len(tests) > 1:
         paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
-    return Retraced(paths, simulator)
+    return Retraced(paths, simulator, taken)
 
 
 def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
@@ -152,7 +159,7 @@ def _adds(kind: _Kind, run: _Run, limit: int) -> bool:
     """Whether a variant has more than the prediction: the lens's pattern, or bounces beyond a told ``limit``."""
     if kind.mechanism == "bounce-truncation":
         return kind.key == "max_bounces" and run.value is not None and 0 < limit < run.value
-    return kind.mechanism == "lens-anisotropy" and kind.label in {"isotropic = False", "anisotropic = True"}
+    return (kind.mechanism, kind.label) in _GIVEN
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:

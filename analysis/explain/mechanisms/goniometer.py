@@ -10,6 +10,7 @@ from analysis.explain.geometry import apply_operator, near_field_matrix
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.mechanisms.retraced import systems_on_the_arm
 from analysis.explain.parameter import Parameter
+from analysis.explain.ray_noise import had_by
 from analysis.explain.scene import Light, Scene
 
 
@@ -57,7 +58,7 @@ class NearField(Mechanism):
         case = scene.readings.case
         if case.setup.simulation.field == "near":
             return "the simulation already predicts at the sensors' distance"
-        if any(v.mechanism == self.id and v.setting.get("field") == "far" for v in case.setup.variant):
+        if self.id in had_by(scene):
             return "the prediction is of the near field: a variant of the case takes it away"
         known = scene.distance_m and all(
             (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests

@@ -5,15 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.cases.model import Floats, Variant
+from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
-from analysis.explain.ray_noise import lacked_by
+from analysis.explain.ray_noise import had_by
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
-from analysis.explain.variants import OF_CASE
 
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
@@ -106,10 +105,6 @@ class LensHaze(Retraced):
         return f"{p[0]:.1%} of the light is scattered widely ({branch.label}), beyond what was simulated."
 
 
-_NO_PATTERN = (("isotropic", True), ("anisotropic", False))
-"""Settings of a lens without a pattern."""
-
-
 class LensAnisotropy(Retraced):
     """An isotropic lens was simulated; the real one is not."""
 
@@ -124,15 +119,10 @@ class LensAnisotropy(Retraced):
     tie_breaker = "turn the skylight by 45°"
 
     def why_not(self, scene: Scene) -> str:
-        """Of a prediction that a variant makes isotropic, and none gives more of it, the lens had its pattern."""
-        if any(map(_without_pattern, scene.readings.case.setup.variant)) and self.id not in lacked_by(scene):
+        """Of a prediction that a variant makes isotropic, and none gives more of a pattern, the lens had its own."""
+        if self.id in had_by(scene):
             return "the prediction has the lens's pattern: a variant of the case takes it away"
         return super().why_not(scene)
-
-    def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """As re-simulated; a variant that takes a pattern away is none of them."""
-        less = tuple(f"{OF_CASE} {key} = {value}" for key, value in _NO_PATTERN)
-        return tuple(b for b in super().branches(scene) if not b.label.startswith(less))
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens has other prisms than the one that was traced; the case's own variants have the same."""
@@ -239,8 +229,3 @@ class LensOrientation(Retraced):
 def _whole(branch: Branch) -> bool:
     """Whether all light below some well turns with the lens."""
     return isinstance(branch.value, _Turned) and bool(branch.value.whole)
-
-
-def _without_pattern(variant: Variant) -> bool:
-    mine = variant.mechanism == LensAnisotropy.id
-    return mine and any(variant.setting.get(key) is value for key, value in _NO_PATTERN)

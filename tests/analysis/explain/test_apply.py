@@ -56,10 +56,20 @@ def test_a_split_found_where_the_sun_shone_acts_where_it_shone_always(tmp_path: 
 
 
 def test_what_the_case_lacks_is_said(tmp_path: Path) -> None:
-    make_case(tmp_path / "case", tests=WITHHELD, measured=False, without=("room",))
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False, change={"room": {"size_m": [5.5, 5.5, 2.0]}})
     what = model("room-interreflection", "", ["wall_reflectance", "floor_reflectance"], [0.1, 0.0])
-    with pytest.raises(DataError, match="does not describe the room"):
+    with pytest.raises(DataError, match="sensors are not inside the room"):
         corrected(tmp_path / "case", what)
+
+
+def test_a_room_found_where_it_was_told_acts_where_it_is_supposed(tmp_path: Path) -> None:
+    """The supposed one has the report's proportions, and the campaign's is the report's."""
+    what = model("room-interreflection", "", ["wall_reflectance", "floor_reflectance"], [0.1, 0.02])
+    make_case(tmp_path / "told", tests=WITHHELD, measured=False)
+    make_case(tmp_path / "not told", tests=WITHHELD, measured=False, without=("room",))
+    told, supposed = (corrected(tmp_path / name, what) for name in ("told", "not told"))
+    assert not np.allclose(told, light(rows_of(WITHHELD)), rtol=1e-3)
+    assert supposed == pytest.approx(told, rel=1e-3)
 
 
 def test_a_state_acts_on_its_side_of_the_instant_in_tests_of_any_name(tmp_path: Path) -> None:

@@ -289,6 +289,15 @@ def test_a_room_that_the_case_brings_counts_beside_the_closed_form(tmp_path: Pat
     assert [t.branch.label for t in terms_of(BY_ID["room-interreflection"], unknown)] == [own.branch.label]
 
 
+def test_a_room_that_nothing_tells_of_is_supposed_and_its_reflectance_less_certain(tmp_path: Path) -> None:
+    room = BY_ID["room-interreflection"]
+    told, unknown = varied(tmp_path / "told"), varied(tmp_path / "unknown", room=None)
+    (way,), (supposed,) = room.branches(told), room.branches(unknown)
+    assert room.size_error_in(unknown, supposed) > 2.0 * room.size_error_in(told, way)
+    assert "supposed" in room.statement(np.array([0.04, 0.02]), supposed)
+    assert "supposed" not in room.statement(np.array([0.04, 0.02]), way)
+
+
 def test_the_cases_own_way_is_always_weighed(tmp_path: Path) -> None:
     """Also where many others look better at first: here it throws the images elsewhere, and nothing is missing."""
     elsewhere = [("lens-haze", {"haze": 0.2}, lambda t, gamma, c: sun_part(t, gamma, c - 150.0), "")]

@@ -1,13 +1,14 @@
 """The rays of the case's simulation scatter; variants that change nothing tell how, and gain nothing by it."""
 
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 import pytest
 
 from analysis.explain.fit import Fitter
-from analysis.explain.ray_noise import USUAL, lacked_by, ray_noise
+from analysis.explain.ray_noise import USUAL, had_by, lacked_by, ray_noise
 from analysis.explain.search import Search
 from tests.analysis.explain.campaign import Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import Run, turned, varied, wider
@@ -47,6 +48,17 @@ def test_runs_with_other_rays_tell_what_the_prediction_s_rays_have_wrong(tmp_pat
 def test_a_pattern_that_changes_nothing_but_rays_was_not_lacking(tmp_path: Path, run: Run) -> None:
     scene = varied(tmp_path / "c", ("lens-anisotropy", {"isotropic": False}, run, ""))
     assert not lacked_by(scene)
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "setting"), [("lens-anisotropy", {"isotropic": True}), ("near-field", {"field": "far"})]
+)
+@pytest.mark.parametrize(("run", "had"), [(again("a"), False), (sun_part, False), (wider, True)])
+def test_what_takes_away_nothing_but_rays_was_not_there(
+    tmp_path: Path, mechanism: str, setting: dict[str, Any], run: Run, had: bool
+) -> None:
+    scene = varied(tmp_path / "c", (mechanism, setting, run, ""), simulation={"field": "far"})
+    assert had_by(scene) == ({mechanism} if had else set())
 
 
 def test_what_scatters_alone_or_changes_something_is_no_ray_noise(tmp_path: Path) -> None:
