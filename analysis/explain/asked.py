@@ -12,8 +12,9 @@ from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.base import Stage, Term
-from analysis.explain.mechanisms.goniometer import COffset, GammaOffset
+from analysis.explain.mechanisms.goniometer import COffset, GammaOffset, NearField
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
@@ -56,6 +57,12 @@ _NO_LAWS_OF_LEVEL: Final = frozenset({"projection-error", "vignetting", "clock-o
 """What changes a picture by place or time: no random function of the level holds it."""
 _NO_LENS_DOES: Final = frozenset({UNREST.name, "sky-sun-ratio"})
 """A lens is wrong at all hours and under all skies."""
+_LEFT_BY: Final = {
+    COffset.id: UNREST.name,
+    NearField.id: CircumsolarAureole.id,
+    CircumsolarAureole.id: NearField.id,
+}
+"""Names that the form of another leaves something like."""
 _POINTING: Final = frozenset({GammaOffset.id, COffset.id})
 _FEW_NUMBERS: Final = 2
 """A form with more parameters than this bends to ripple."""
@@ -116,7 +123,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     open_share = min((1.0 - share) / (1.0 - found.sure_beside), 1.0)
     if new in found.lacked:
         return times * LACKED + left * open_share
-    if blurs(best.fit, new) or (new == COffset.id and UNREST.name in base.ids):
+    left_by_it = _LEFT_BY.get(new) in base.ids and not all(t.branch.of_case for t in added)
+    if left_by_it or blurs(best.fit, new):
         return times * NAME_FIRST_FAR + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)

@@ -785,6 +785,27 @@ def test_a_blur_is_asked_for_more(arm: Scene) -> None:
         assert (asked.beside(both, other, found, "near-field", random=False) >= NAME_FIRST_FAR) == blurs
 
 
+@pytest.mark.parametrize("brought", [False, True])
+@pytest.mark.parametrize(
+    ("first", "further", "left"),
+    [
+        ("circumsolar-aureole", "near-field", True),
+        ("near-field", "circumsolar-aureole", True),
+        ("soiling", "near-field", False),
+    ],
+)
+def test_what_the_form_of_the_other_leaves_is_asked_for_more(
+    arm: Scene, first: str, further: str, left: bool, brought: bool
+) -> None:
+    nothing, base, both = _hypothesis(arm, 0.0), _hypothesis(arm, 80.0, first), _hypothesis(arm, 130.0, first, further)
+    (_, form), given = both.fit.terms, Branch(brought=brought)
+    terms = *base.fit.terms, replace(form, branch=given)
+    theta = np.concatenate([[0.4, 6.0][: len(t.parameters)] for t in terms])  # of an aureole: no mere blur
+    both = replace(both, fit=replace(both.fit, terms=terms, theta=theta))
+    found = Conclusion(base, nothing, [base])
+    assert (asked.beside(both, base, found, further, random=False) >= NAME_FIRST_FAR) == (left and not brought)
+
+
 @pytest.mark.parametrize(
     ("fraction", "units", "told"),
     [
