@@ -12,7 +12,6 @@ from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.likelier import beforehand
 from analysis.explain.mechanisms.base import Stage, predict
-from analysis.explain.ray_noise import lacked_by
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
@@ -43,7 +42,7 @@ def conclude(search: Search) -> Conclusion:
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)
-    found.lacked = lacked_by(search.scene)
+    found.lacked = search.scene.retraced.lacks if search.scene.retraced else frozenset()
     few = asked.share_of_few(search)
     named = [h for h in found.singles if h.evidence - nothing.evidence > asked.first(h, found, few)]
     if not found.one_instrument:

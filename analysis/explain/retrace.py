@@ -24,8 +24,6 @@ class Path:
         Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
     of_case
         Whether the case brings it: its lens is the prediction's own, not one that is like it.
-    adds
-        Whether it has, by its setting, what the prediction lacks.
     held
         Other settings that were changed with it, and stay as they were simulated.
     """
@@ -38,7 +36,6 @@ class Path:
     geometric: bool = False
     added: bool = False
     of_case: bool = False
-    adds: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:
@@ -108,17 +105,21 @@ class Retraced:
         Mechanism to what the case's variants change.
     simulator
         Supplies what they do not.
-    taken
-        Mechanism to what variants take away that the prediction may have: a lens's pattern, the near field.
+    idle
+        Variants that are no way in which anything acts: they change nothing, or take away what the prediction has.
+    has, lacks
+        Mechanisms that the prediction has, or has not, by what its variants change.
     """
 
     case_paths: dict[str, tuple[Path, ...]]
     simulator: Simulator | None = None
-    taken: dict[str, tuple[Path, ...]] = field(default_factory=dict)
+    idle: tuple[Path, ...] = ()
+    has: frozenset[str] = frozenset()
+    lacks: frozenset[str] = frozenset()
 
     def of_case(self) -> Iterator[Path]:
-        """All that the case's variants change or take away."""
-        for paths in (*self.case_paths.values(), *self.taken.values()):
+        """All that the case's variants change, or do not."""
+        for paths in (*self.case_paths.values(), self.idle):
             yield from paths
 
     def paths(self, mechanism: str) -> tuple[Path, ...]:

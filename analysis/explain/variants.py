@@ -9,6 +9,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats, Variant
 from analysis.explain.fields import Fields, fields_of, from_files
+from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
@@ -21,11 +22,6 @@ _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
 """How labels of paths begin that the case itself brings."""
 _ALL_OR_NOTHING: Final = frozenset({"near-field", "bounce-truncation", "lens-anisotropy"})
-_GIVEN: Final = frozenset({("lens-anisotropy", "isotropic = False"), ("lens-anisotropy", "anisotropic = True")})
-_TAKEN: Final = frozenset(
-    {("lens-anisotropy", "isotropic = True"), ("lens-anisotropy", "anisotropic = False"), ("near-field", "field = far")}
-)
-"""Settings with what a prediction may lack, and without what it may have."""
 _OF_A_SYSTEM: Final = frozenset(
     {"lens-haze", "soiling", "lens-orientation", "lens-anisotropy", "wall-scatter", _WALLS, "bounce-truncation"}
 )
@@ -59,7 +55,8 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     """Read the case's variants; ``simulator`` supplies what they do not."""
     if not case.setup.variant:
         return Retraced({}, simulator)
-    base = fields_of(Readings.of(case, measured_only=False))
+    readings = Readings.of(case, measured_only=False)
+    base = fields_of(readings)
     kinds: dict[_Kind, list[_Run]] = {}
     for variant in case.setup.variant:
         kind, value = _setting(case, variant)
@@ -68,21 +65,28 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     for k, test in enumerate(case.tests):
         tests.setdefault(test.system or "", []).append(k)
     paths: dict[str, tuple[Path, ...]] = {}
-    taken: dict[str, tuple[Path, ...]] = {}
     walls: dict[str, Path] = {}
+    idle: list[Path] = []
+    told: list[tuple[str, Tells]] = []
     for kind, runs in (*kinds.items(), *_together(kinds)):
         alone = next(iter(kind.systems)) if len(kind.systems) == 1 < len(tests) else ""
         for path in _paths(case, kind, runs):
+            tells = what_it_tells(readings, base, kind.mechanism, path)
+            told.append((kind.mechanism, tells))
             named = replace(path, label=f"{path.label}, {alone} only") if alone else path
             apart = kind in kinds and kind.mechanism in _OF_A_SYSTEM
-            ways = by_system(named, tests) if apart else (named,)
-            mine = taken if (kind.mechanism, kind.label) in _TAKEN else paths
-            mine[kind.mechanism] = (*mine.get(kind.mechanism, ()), *ways)
+            for way in by_system(named, tests) if apart else (named,):
+                if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
+                    idle.append(way)
+                else:
+                    paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), way)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
                 walls[alone] = path
     if len(walls) == len(tests) > 1:
-        paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
-    return Retraced(paths, simulator, taken)
+        paths[_WALLS] = (*paths.get(_WALLS, ()), _alike(tuple(walls.values())))
+    lacks = frozenset(m for m, tells in told if tells is Tells.LACKS)
+    has = frozenset(m for m, tells in told if tells is Tells.HAS) - lacks
+    return Retraced(paths, simulator, tuple(idle), has, lacks)
 
 
 def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
@@ -151,15 +155,8 @@ def _paths(case: Case, kind: _Kind, runs: list[_Run]) -> Iterable[Path]:
     for run in _merged(runs):
         label = kind.label if run.value is None else f"{kind.label} = {run.value:g}"
         parts = np.stack([one, run.sun]), np.stack([one, run.sky])
-        path = Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True)
-        yield replace(path, adds=_adds(kind, run, case.setup.simulation.max_bounces))
-
-
-def _adds(kind: _Kind, run: _Run, limit: int) -> bool:
-    """Whether a variant has more than the prediction: the lens's pattern, or bounces beyond a told ``limit``."""
-    if kind.mechanism == "bounce-truncation":
-        return kind.key == "max_bounces" and run.value is not None and 0 < limit < run.value
-    return (kind.mechanism, kind.label) in _GIVEN
+        held = dict(kind.held) if run.value is None else {**dict(kind.held), kind.key: run.value}
+        yield Path(f"{OF_CASE} {label}", _weight(kind, label), np.array([0.0, 1.0]), *parts, of_case=True, held=held)
 
 
 def _weight(kind: _Kind, label: str) -> Parameter:

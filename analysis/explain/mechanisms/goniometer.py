@@ -10,7 +10,6 @@ from analysis.explain.geometry import apply_operator, near_field_matrix
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.mechanisms.retraced import systems_on_the_arm
 from analysis.explain.parameter import Parameter
-from analysis.explain.ray_noise import had_by
 from analysis.explain.scene import Light, Scene
 
 
@@ -58,7 +57,7 @@ class NearField(Mechanism):
         case = scene.readings.case
         if case.setup.simulation.field == "near":
             return "the simulation already predicts at the sensors' distance"
-        if self.id in had_by(scene):
+        if scene.retraced is not None and self.id in scene.retraced.has:
             return "the prediction is of the near field: a variant of the case takes it away"
         known = scene.distance_m and all(
             (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests

@@ -10,7 +10,6 @@ from analysis.explain.geometry import turned
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
-from analysis.explain.ray_noise import had_by
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
@@ -120,7 +119,7 @@ class LensAnisotropy(Retraced):
 
     def why_not(self, scene: Scene) -> str:
         """Of a prediction that a variant makes isotropic, and none gives more of a pattern, the lens had its own."""
-        if self.id in had_by(scene):
+        if scene.retraced is not None and self.id in scene.retraced.has:
             return "the prediction has the lens's pattern: a variant of the case takes it away"
         return super().why_not(scene)
 

@@ -44,6 +44,12 @@ class BounceTruncation(Retraced):
     source = "re-simulation without a limit; report chapters 7 to 9 (12, 20 and 50 bounces)"
     tie_breaker = "run the simulation again with a higher limit"
 
+    def why_not(self, scene: Scene) -> str:
+        """A limit that makes no difference cuts nothing."""
+        if scene.retraced is not None and self.id in scene.retraced.has:
+            return "no light is missing: with another limit of bounces a variant of the case is the same"
+        return super().why_not(scene)
+
 
 class WallScatter(Retraced):
     """The specular wall scatters a little."""

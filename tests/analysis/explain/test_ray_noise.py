@@ -7,11 +7,10 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from analysis.explain.fit import Fitter
-from analysis.explain.ray_noise import USUAL, had_by, lacked_by, ray_noise
-from analysis.explain.search import Search
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.ray_noise import USUAL, ray_noise
 from tests.analysis.explain.campaign import Floats, Sky, sun_part
-from tests.analysis.explain.test_case_variants import Run, turned, varied, wider
+from tests.analysis.explain.test_case_variants import Run, times, turned, varied, wider
 
 SD = 0.012
 
@@ -47,7 +46,10 @@ def test_runs_with_other_rays_tell_what_the_prediction_s_rays_have_wrong(tmp_pat
 @pytest.mark.parametrize("run", [again("a"), sun_part])
 def test_a_pattern_that_changes_nothing_but_rays_was_not_lacking(tmp_path: Path, run: Run) -> None:
     scene = varied(tmp_path / "c", ("lens-anisotropy", {"isotropic": False}, run, ""))
-    assert not lacked_by(scene)
+    assert scene.retraced is not None
+    assert not scene.retraced.lacks
+    assert scene.retraced.has == {"lens-anisotropy"}, "another pattern changes nothing: there was one"
+    assert not scene.retraced.case_paths
 
 
 @pytest.mark.parametrize(
@@ -58,7 +60,9 @@ def test_what_takes_away_nothing_but_rays_was_not_there(
     tmp_path: Path, mechanism: str, setting: dict[str, Any], run: Run, had: bool
 ) -> None:
     scene = varied(tmp_path / "c", (mechanism, setting, run, ""), simulation={"field": "far"})
-    assert had_by(scene) == ({mechanism} if had else set())
+    assert scene.retraced is not None
+    assert scene.retraced.has == ({mechanism} if had else set())
+    assert not scene.retraced.case_paths
 
 
 def test_what_scatters_alone_or_changes_something_is_no_ray_noise(tmp_path: Path) -> None:
@@ -77,18 +81,21 @@ def test_what_scatters_alone_or_changes_something_is_no_ray_noise(tmp_path: Path
     assert [ray_noise(scene).shape[1] for scene in (one, apart, smooth, told)] == [0, 0, 0, 0]
 
 
-def test_half_of_a_variant_that_changes_nothing_gains_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would halve the variance of the prediction's rays, which are the recording's only error here."""
-    scene = varied(tmp_path / "c", ("bounce-truncation", MORE, again("a"), ""), ("near-field", TRUE, again("b"), ""))
-    r = scene.readings
-    object.__setattr__(r, "measured", r.measured * (1.0 + 0.7 * ray_noise(scene).sum(axis=1)))
+@pytest.mark.parametrize(("limit", "why"), [(0, "no variant"), (60, "another limit of bounces"), (100, "no variant")])
+def test_half_of_a_variant_that_changes_nothing_is_no_way(tmp_path: Path, limit: int, why: str) -> None:
+    """It would halve the variance of the prediction's rays; and where the limit was another one, nothing is missing."""
+    runs = ("bounce-truncation", MORE, again("a"), ""), ("near-field", TRUE, again("b"), "")
+    scene = varied(tmp_path / "c", *runs, simulation={"max_bounces": limit})
+    assert why in BY_ID["bounce-truncation"].why_not(scene)
+    assert scene.retraced is not None
+    assert scene.retraced.has == {"near-field"} | ({"bounce-truncation"} if limit == 60 else set())
 
-    def gain() -> float:
-        search = Search(Fitter(scene))
-        nothing = search.nothing().evidence
-        return next(h.evidence for h in search.singles() if h.ids == ("bounce-truncation",)) - nothing
 
-    beside = gain()
-    monkeypatch.setattr("analysis.explain.fit.ray_noise", lambda scene: np.zeros((len(scene.readings), 0)))
-    scene.memory.clear()
-    assert beside < 5.0 < 20.0 < gain()
+def test_a_variant_with_less_light_than_the_prediction_is_no_way(tmp_path: Path) -> None:
+    """The real light has no limit."""
+    fewer, more = ("bounce-truncation", {"max_bounces": 4}), ("bounce-truncation", {"max_bounces": 50})
+    alone = varied(tmp_path / "alone", (*fewer, times(0.8), ""))
+    beside = varied(tmp_path / "beside", (*fewer, times(0.8), ""), (*more, times(1.1), ""))
+    limits = BY_ID["bounce-truncation"]
+    assert limits.branches(alone) == ()
+    assert {b.label.split(",")[0] for b in limits.branches(beside)} == {"case's variant max_bounces = 50"}
