@@ -58,7 +58,7 @@ class NearField(Mechanism):
         if case.setup.simulation.field == "near":
             return "the simulation already predicts at the sensors' distance"
         if scene.retraced is not None and self.id in scene.retraced.has:
-            return "the prediction is of the near field: a variant of the case takes it away"
+            return "the prediction is of the near field, by the case's own variants"
         known = scene.distance_m and all(
             (s := case.system_of(t)) is not None and s.aperture is not None for t in case.tests
         )

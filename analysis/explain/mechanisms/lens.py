@@ -120,7 +120,7 @@ class LensAnisotropy(Retraced):
     def why_not(self, scene: Scene) -> str:
         """Of a prediction that a variant makes isotropic, and none gives more of a pattern, the lens had its own."""
         if scene.retraced is not None and self.id in scene.retraced.has:
-            return "the prediction has the lens's pattern: a variant of the case takes it away"
+            return "the prediction has the lens's pattern, by the case's own variants"
         return super().why_not(scene)
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:

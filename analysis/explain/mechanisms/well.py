@@ -47,7 +47,7 @@ class BounceTruncation(Retraced):
     def why_not(self, scene: Scene) -> str:
         """A limit that makes no difference cuts nothing."""
         if scene.retraced is not None and self.id in scene.retraced.has:
-            return "no light is missing: with another limit of bounces a variant of the case is the same"
+            return "no light is missing: another limit of bounces changes nothing, by the case's own variants"
         return super().why_not(scene)
 
 
