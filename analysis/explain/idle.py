@@ -60,13 +60,13 @@ def what_it_tells(r: Readings, base: Fields, mechanism: str, path: Path) -> Tell
 
 
 def _of_bounces(r: Readings, base: Fields, path: Path) -> Tells:
-    """The real light has no limit: a variant with less light than the prediction is no nearer to it."""
-    told = r.case.setup.simulation.max_bounces
+    """The real light has no limit (nor has 0): a variant with less light than the prediction is no nearer to it."""
+    told, limit = r.case.setup.simulation.max_bounces, path.held["max_bounces"] or np.inf
     if is_idle(r, base, path):
-        return Tells.HAS if told and path.held["max_bounces"] != told else Tells.NOTHING
+        return Tells.HAS if told and limit != told else Tells.NOTHING
     if not _brightens(r, base, path):
         return Tells.LESS
-    return Tells.LACKS if 0 < told < path.held["max_bounces"] else Tells.NOTHING
+    return Tells.LACKS if 0 < told < limit else Tells.NOTHING
 
 
 def is_idle(r: Readings, base: Fields, path: Path) -> bool:

@@ -246,6 +246,7 @@ def test_a_variant_that_takes_something_away_says_that_it_was_there(
         ("lens-anisotropy", {"anisotropic": True}, 0, True),
         ("lens-anisotropy", {"isotropic": True}, 0, False),
         ("bounce-truncation", {"max_bounces": 60}, 4, True),
+        ("bounce-truncation", {"max_bounces": 0}, 4, True),  # none
         ("bounce-truncation", {"max_bounces": 4}, 60, False),
         ("bounce-truncation", {"max_bounces": 60}, 0, False),  # how many there were is not told
         ("wall-scatter", {"scattered_share": 0.1}, 0, False),
