@@ -8,10 +8,12 @@ from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.goniometer import COffset, NearField
+from analysis.explain.mechanisms.lens import LensOrientation
 from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.thresholds import (
+    ARM_OR_LENSES,
     AS_WELL,
     FLATTENS,
     LACKED_ODDS,
@@ -81,7 +83,8 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another that does alike, before any evidence.
 
     A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight, a late clock
-    for an arm's azimuth; and what the prediction lacks by the case's own account for anything.
+    for an arm's azimuth, that for lenses turned below long wells alone; and what the prediction lacks by the case's own
+    account for anything.
     """
     pair = name, *other
     if found.one_instrument:
@@ -93,6 +96,8 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
         return NEAR_OR_BLURRED if asked.blurs(alone[other[0]].fit) else 0.0
     if pair == (RoomInterreflection.id, StrayLight.id) and other[0] in alone:
         return ROOM_OR_LEAK if any(t.branch.facts for t in alone[other[0]].fit.terms) else 0.0
+    if pair == (COffset.id, LensOrientation.id) and other[0] in alone:
+        return ARM_OR_LENSES if any(map(LensOrientation.is_an_arms, alone[other[0]].fit.terms)) else 0.0
     if pair == (UNREST.name, COffset.id) and set(pair) <= set(alone):
         late, turned = (alone[m].evidence - found.nothing.evidence for m in pair)
         return LATE_OR_TURNED if late > LATE_AS_TURNED * turned else 0.0

@@ -197,6 +197,9 @@ three other authors' tilted meters they led by .8 to 2.2; clocks that were true 
 NEAR_OR_BLURRED = 2.0
 """The same of a near field that the case's prediction lacks against an aureole that is hardly more than a blur: sensors
 do stand at their distance. (One of our own of 9.8 % gained 71 nats, a sun without a disc 82.)"""
+ARM_OR_LENSES = 2.0
+"""The same of an arm's azimuth against lenses that all lie turned alike below long wells, where light turns as with the
+arm: that is one error, these are several."""
 ROOM_OR_LEAK = 1.1
 """The same of the room's own light against a leak that follows the daylight: no room is black. (Of two authors' rooms
 three of 50 to 260 nats led such a leak by .2 to .3; leaks that were true led by 1.2 and more.)"""

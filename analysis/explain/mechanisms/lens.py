@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.geometry import turned
-from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage, Term
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
@@ -191,6 +191,12 @@ class LensOrientation(Retraced):
         whole = (Branch(f"turn of all light of {name}", _Turned(whole=(name,))) for name in wells)
         every = (Branch("turn of every lens", _Turned(wells, others), sort="every"),)
         return (*super().branches(scene), *image, *whole, *(every if image and wells and len(patterns) > 1 else ()))
+
+    @staticmethod
+    def is_an_arms(term: Term) -> bool:
+        """Whether a term turns all light of several systems: so does an arm that is turned the other way."""
+        way = term.branch.value
+        return isinstance(way, _Turned) and len(way.whole) > 1 and not way.image
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Light turns by less than the lens does: images lie about the sun's place, which stays."""

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from analysis.cases import model
 from analysis.explain.again import simulated_again
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.fit import MIDDLE, Fitter
@@ -20,7 +21,7 @@ from analysis.explain.mechanisms.base import Mechanism, Stage, predict, terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.mechanisms.goniometer import _near_matrix
 from analysis.explain.readings import Readings
-from analysis.explain.roomlight import RoomLight, fits, room_light
+from analysis.explain.roomlight import DarkRoom, RoomLight, room_light
 from analysis.explain.scene import Scene
 from analysis.explain.variants import retraced_of
 from analysis.simulate.room import Room, patches_of
@@ -376,10 +377,11 @@ def test_a_grey_room_takes_in_all_the_light_it_is_given(arm: Scene, dark_room: R
 
 @pytest.mark.parametrize(("size_m", "known"), [((4.0, 7.0, 5.0), True), ((7.0, 7.0, 2.4), False)])
 def test_an_arm_that_reaches_beyond_the_walls_is_lit_by_what_is_before_them(
-    size_m: tuple[float, float, float], known: bool
+    arm: Scene, size_m: tuple[float, float, float], known: bool
 ) -> None:
     """Nobody reads there; a room lower than the arm is long is none."""
-    assert fits(size_m, DISTANCE_M) == known
+    setup = arm.readings.case.setup.model_copy(update={"room": model.Room(size_m=size_m)})
+    assert (DarkRoom.of(setup) is not None) == known
     if known:
         lambert = np.ones((1, len(C_DEG), 1)) * np.maximum(np.cos(np.radians(GAMMA_DEG)), 0.0)
         added = room_light(size_m, DISTANCE_M, 60.0).added(lambert, 0.2, 0.1)

@@ -356,17 +356,18 @@ def test_a_share_that_walls_scatter_is_one_by_the_variant_s_name_too(simulated: 
 
 @pytest.mark.parametrize("table", [None, {"distance_m": None}])
 def test_an_arm_of_unknown_length_is_explained_as_far_as_that_goes(scene: Scene, table: dict[str, None] | None) -> None:
-    """Its systems are simulated again at the usual distance; lux are as uncertain as that, and some is not tried."""
+    """Its systems are simulated again at the usual distance; lux and the room's reflectances are as uncertain."""
     case = scene.readings.case
     assert case.setup.goniometer is not None
     arm = None if table is None else case.setup.goniometer.model_copy(update=table)
     unknown = replace(case, setup=case.setup.model_copy(update={"goniometer": arm}))
     seen = replace(scene, readings=replace(scene.readings, case=unknown))
     assert simulator_of(unknown) is not None
-    assert seen.distance_m is None and "goniometer" in BY_ID["room-interreflection"].why_not(seen)
-    stray = BY_ID["stray-light"]
-    (way, *_) = terms_of(stray, seen)
+    assert seen.distance_m is None
+    stray, room = BY_ID["stray-light"], BY_ID["room-interreflection"]
+    (way, *_), (supposed,), (told,) = terms_of(stray, seen), terms_of(room, seen), terms_of(room, scene)
     assert stray.size_error_in(seen, way.branch) == 0.5 > stray.size_error_in(scene, way.branch)
+    assert room.size_error_in(seen, supposed.branch) == 0.5 > room.size_error_in(scene, told.branch)
     fields = seen.dark_light()
     assert np.all(np.isfinite(predict(seen, (way,), np.array([2.0])))) and np.any(fields.sun > 0.0)
 

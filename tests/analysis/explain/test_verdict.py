@@ -1155,3 +1155,16 @@ def test_of_one_instrument_only_a_large_shape_error_says_so(picture: Scene) -> N
 def test_what_a_strong_name_leaves_is_in_proportion(arm: Scene) -> None:
     assert _decided(arm, ("c-offset", 500.0), left=60.0).verdict == "partly-explained"
     assert _decided(arm, ("c-offset", 10_000.0), left=60.0).verdict == "explained"
+
+
+@pytest.mark.parametrize(("way", "told"), [("turn of every lens", "c-offset"), ("turn of all light of tube", "")])
+def test_an_arm_is_likelier_turned_than_all_lenses_below_long_wells(arm: Scene, way: str, told: str) -> None:
+    """Light turns there as it does with the arm: that is one error, two lenses are two."""
+    lens = next(t for t in terms_of(BY_ID["lens-orientation"], arm) if t.branch.label == way)
+    rival = Hypothesis(Fit((lens,), np.zeros(1), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), 198.0)
+    nothing, singles = _hypothesis(arm, 0.0), [_hypothesis(arm, 200.0, "c-offset"), rival]
+    found = Conclusion(nothing, nothing, singles)
+    found.best = first_of(singles, found)
+    decide(found, 1.0)
+    assert found.best.first == "c-offset"
+    assert (found.verdict == "explained") == bool(told)
