@@ -6,6 +6,7 @@ from zlib import crc32
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.ray_noise import USUAL, ray_noise
@@ -63,6 +64,21 @@ def test_what_takes_away_nothing_but_rays_was_not_there(
     assert scene.retraced is not None
     assert scene.retraced.has == ({mechanism} if had else set())
     assert not scene.retraced.case_paths
+
+
+@pytest.mark.parametrize(("size", "idle"), [(0.006, True), (0.03, False)])
+def test_rays_that_were_smoothed_are_still_rays_where_they_change_little(
+    tmp_path: Path, size: float, idle: bool
+) -> None:
+    def smoothed(t: Sky, gamma: Floats, c: Floats) -> Floats:
+        image = sun_part(t, gamma, c)
+        grains = np.random.default_rng(crc32(t.id.encode())).normal(size=image.shape)
+        wide = gaussian_filter(grains, 3.0, mode="wrap")
+        return np.asarray(image * (1.0 + size * wide / wide.std()))
+
+    scene = varied(tmp_path / "c", ("lens-anisotropy", {"isotropic": False}, smoothed, ""))
+    assert scene.retraced is not None
+    assert bool(scene.retraced.lacks) != idle
 
 
 def test_what_scatters_alone_or_changes_something_is_no_ray_noise(tmp_path: Path) -> None:
