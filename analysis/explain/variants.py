@@ -38,12 +38,13 @@ class _Run:
 
 @dataclass(frozen=True)
 class _Kind:
-    """What variants must have in common to lie on one path."""
+    """What variants must have in common to lie on one path; ``merged`` are those run for each system apart."""
 
     mechanism: str
     key: str
     held: tuple[tuple[str, float], ...]
     systems: frozenset[str]
+    merged: bool = False
 
     @property
     def label(self) -> str:
@@ -57,36 +58,53 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
         return Retraced({}, simulator)
     readings = Readings.of(case, measured_only=False)
     base = fields_of(readings)
-    kinds: dict[_Kind, list[_Run]] = {}
-    for variant in case.setup.variant:
-        kind, value = _setting(case, variant)
-        kinds.setdefault(kind, []).append(_Run(value, *_ratio(case, base, variant)))
-    tests: dict[str, list[int]] = {}
-    for k, test in enumerate(case.tests):
-        tests.setdefault(test.system or "", []).append(k)
     paths: dict[str, tuple[Path, ...]] = {}
     walls: dict[str, Path] = {}
     idle: list[Path] = []
     told: list[tuple[str, Tells]] = []
-    for kind, runs in (*kinds.items(), *_together(kinds)):
-        alone = next(iter(kind.systems)) if len(kind.systems) == 1 < len(tests) else ""
-        for path in _paths(case, kind, runs):
-            tells = what_it_tells(readings, base, kind.mechanism, path)
-            told.append((kind.mechanism, tells))
-            named = replace(path, label=f"{path.label}, {alone} only") if alone else path
-            apart = kind in kinds and kind.mechanism in _OF_A_SYSTEM
-            for way in by_system(named, tests) if apart else (named,):
-                if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
-                    idle.append(way)
-                else:
-                    paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), way)
+    systems = _tests_of_systems(case)
+    for kind, alone, path in _named(case, _kinds(case, base), systems):
+        tells = what_it_tells(readings, base, kind.mechanism, path)
+        told.append((kind.mechanism, tells))
+        apart = kind.mechanism in _OF_A_SYSTEM and not kind.merged
+        for way in by_system(path, systems) if apart else (path,):
+            if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
+                idle.append(way)
+                continue
+            paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), way)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
                 walls[alone] = path
-    if len(walls) == len(tests) > 1:
-        paths[_WALLS] = (*paths.get(_WALLS, ()), _alike(tuple(walls.values())))
+    if len(walls) == len(systems) > 1:
+        paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
     lacks = frozenset(m for m, tells in told if tells is Tells.LACKS)
     has = frozenset(m for m, tells in told if tells is Tells.HAS) - lacks
     return Retraced(paths, simulator, tuple(idle), has, lacks)
+
+
+def _tests_of_systems(case: Case) -> dict[str, list[int]]:
+    tests: dict[str, list[int]] = {}
+    for k, test in enumerate(case.tests):
+        tests.setdefault(test.system or "", []).append(k)
+    return tests
+
+
+def _kinds(case: Case, base: Fields) -> dict[_Kind, list[_Run]]:
+    """The variants' runs, those together that may lie on one path."""
+    kinds: dict[_Kind, list[_Run]] = {}
+    for variant in case.setup.variant:
+        kind, value = _setting(case, variant)
+        kinds.setdefault(kind, []).append(_Run(value, *_ratio(case, base, variant)))
+    return kinds
+
+
+def _named(
+    case: Case, kinds: Mapping[_Kind, list[_Run]], systems: Mapping[str, list[int]]
+) -> Iterable[tuple[_Kind, str, Path]]:
+    """All paths, with the one system that they were run for, if it is not the only one."""
+    for kind, runs in (*kinds.items(), *_together(kinds)):
+        alone = next(iter(kind.systems)) if len(kind.systems) == 1 < len(systems) else ""
+        for path in _paths(case, kind, runs):
+            yield kind, alone, replace(path, label=f"{path.label}, {alone} only") if alone else path
 
 
 def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_Run]]]:
@@ -103,7 +121,7 @@ def _together(kinds: Mapping[_Kind, list[_Run]]) -> Iterable[tuple[_Kind, list[_
             and len(systems) == sum(len(k.systems) for k in apart)
             and all(settings[0] == s for s in settings)
         ):
-            yield replace(kind, systems=systems), _merged([run for k in apart for run in kinds[k]])
+            yield replace(kind, systems=systems, merged=True), _merged([run for k in apart for run in kinds[k]])
 
 
 def _merged(runs: list[_Run]) -> list[_Run]:
