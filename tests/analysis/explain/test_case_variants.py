@@ -256,6 +256,7 @@ def test_a_variant_with_what_the_prediction_lacks_says_so(
     tmp_path: Path, mechanism: str, setting: dict[str, Any], limit: int, lacks: bool
 ) -> None:
     scene = varied(tmp_path / "case", (mechanism, setting, times(1.1), ""), simulation={"max_bounces": limit})
+    assert scene.retraced is not None
     assert scene.retraced.lacks == ({mechanism} if lacks else set())
 
 
