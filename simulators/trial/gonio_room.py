@@ -147,7 +147,7 @@ def nonlinearity(rng: np.random.Generator, station: Station) -> GonioDial:
     def report(x: float) -> Parameters:
         found = {"strength": (most * x, "1"), "reference_lx": (reference, "lx")}
         if form == "power":
-            found["exponent"] = (most * x, "1")
+            found["exponent"] = (1.0 + most * x, "1")
         return found
 
     return GonioDial("nonlinearity", "sensors", with_heads(bend), report, notes={"form": form})

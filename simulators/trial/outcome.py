@@ -27,7 +27,7 @@ ALIASES: Final[dict[str, dict[str, str]]] = {
     "gamma-offset": {"gamma_offset_deg": "offset_deg"},
     "c-offset": {"c_offset_deg": "offset_deg"},
     "dark-offset": {"dark_lx": "offset_lx", "dark_cd": "offset_cd"},
-    "nonlinearity": {"power": "exponent", "p": "exponent"},
+    "nonlinearity": {"power": "exponent"},
     "saturation": {"saturation_cd": "level_cd", "saturation_lx": "level_lx", "loss_at_max": "loss_at_brightest"},
     "clock-offset": {"offset_minutes": "offset_min"},
     "meter-tilt": {"east_deg": "tilt_east_deg", "north_deg": "tilt_north_deg"},

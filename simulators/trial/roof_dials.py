@@ -109,7 +109,7 @@ def curve(rng: np.random.Generator, station: RoofStation) -> RoofDial:
 
     def report(x: float) -> Parameters:
         found = {"strength": (most * x, "1"), "reference_lx": (reference, "lx")}
-        return {**found, "exponent": (most * x, "1")} if form == "power" else found
+        return {**found, "exponent": (1.0 + most * x, "1")} if form == "power" else found
 
     return RoofDial("nonlinearity", "electronics", _heads(bend), report, notes={"form": form})
 

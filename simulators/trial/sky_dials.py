@@ -123,7 +123,7 @@ def curve(rng: np.random.Generator, station: SkyStation) -> SkyDial:
     """The response is believed to be straight."""
     most = 0.4 * _sign(rng)
     apply = _camera(lambda c, x: replace(c, curve=most * x))
-    return SkyDial("nonlinearity", "response", apply, lambda x: {"exponent": (most * x, "1")})
+    return SkyDial("nonlinearity", "response", apply, lambda x: {"exponent": (1.0 + most * x, "1")})
 
 
 def ghost(rng: np.random.Generator, station: SkyStation) -> SkyDial | None:

@@ -105,7 +105,7 @@ class Nonlinearity(Mechanism):
     id = "nonlinearity"
     stage = Stage.SENSORS
     leaves_out = "The response is not proportional to the light."
-    parameters = (Parameter("exponent", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
+    parameters = (Parameter("p", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
     response = replace(parameters[0], sigma=0.1)  # of a camera's curve, or of a roof meter
     bend = Parameter("bend", "1", "relative error of the brightest reading", -0.8, 0.8, 0.1, (-0.3, -0.05, 0.05, 0.3))
     step = Parameter("step", "1", "relative error of all readings in the upper range", -0.4, 0.4, 0.04, (-0.04, 0.04))
@@ -168,6 +168,12 @@ class Nonlinearity(Mechanism):
         over = max(float(p[2]), 1e-3) if form == "gradual" else _CHANGE_OVER
         factor = np.exp(p[0] * beyond) if form == "power" else 1.0 + p[0] * expit(2.0 * beyond / over)
         return np.where(acts, values * factor, values)
+
+    def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
+        """Of a power also the exponent itself."""
+        found = super().report(p, sd, term)
+        power = not isinstance(term.branch.value, tuple)
+        return {"exponent": told(1.0 + p[0], float(sd[0]), "1"), **found} if power else found
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say which way."""

@@ -40,7 +40,7 @@ def test_a_sensor_of_another_name_is_not_mistaken_for_the_first(tmp_path: Path) 
 
 def test_a_fitted_level_stays_that_of_the_fit(tmp_path: Path) -> None:
     make_case(tmp_path / "case", tests=WITHHELD, measured=False)
-    what = model("nonlinearity", "the goniometer's sensors", ["exponent"], [0.1], level=500.0)
+    what = model("nonlinearity", "the goniometer's sensors", ["p"], [0.1], level=500.0)
     bare = light(rows_of(WITHHELD))
     assert corrected(tmp_path / "case", what) == pytest.approx(500.0 * (bare / 500.0) ** 1.1, rel=1e-5)
 

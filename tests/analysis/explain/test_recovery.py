@@ -53,7 +53,7 @@ WORLDS = {
     "c": World(effects.c_offset(6.0), "c-offset", "offset_deg", 6.0),
     "dark": World(effects.offset(25.0), "dark-offset", "offset", 25.0),
     "gain": World(effects.gain(45.0, 0.10), "channel-gain", "error", 0.10, falls=0.8),
-    "power": World(effects.power(0.05), "nonlinearity", "exponent", 0.05),
+    "power": World(effects.power(0.05), "nonlinearity", "exponent", 1.05),
     "leak": World(
         effects.leak(12.0), "stray-light", "illuminance_lx", 12.0 * np.mean([t.global_lx for t in TESTS]) / 1e5
     ),
