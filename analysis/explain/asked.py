@@ -45,6 +45,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NAME_STANDING_IN,
     NEVER,
     RIGHT_LENS,
     THIRD,
@@ -96,6 +97,8 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NEVER
     if set(h.ids) & found.lacked:
         return LACKED
+    if any(t.branch.stands_in for t in h.fit.terms):
+        return NAME_STANDING_IN
     if blurs(h.fit):
         return NAME_FIRST_FAR
     if any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
@@ -123,6 +126,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     open_share = min((1.0 - share) / (1.0 - found.sure_beside), 1.0)
     if new in found.lacked:
         return times * LACKED + left * open_share
+    if any(t.branch.stands_in for t in added):
+        return times * NAME_STANDING_IN + left
     left_by_it = _LEFT_BY.get(new) in base.ids and not all(t.branch.of_case for t in added)
     if left_by_it or blurs(best.fit, new):
         return times * NAME_FIRST_FAR + left

@@ -54,6 +54,10 @@ So must an azimuth of the arm beside a clock, whose form leaves such a turn (two
 and a near field beside an aureole or the other way round (53, where the form of the aureole had left it),
 and a response that bends upwards: images that are blurred less than simulated look so. (Four upward bends that were
 named on three other authors' skylights, for 15 to 46 nats, were false; their true responses bend down.)"""
+NAME_STANDING_IN = 90.0
+"""And what is told by a form that stands in for another (`Branch.stands_in`), first or beside others: whatever widens
+an image is like it. (On four other authors' skylights two walls that scatter, told so, were turned lenses, with 65 and
+82 nats, and two that were dirt beside others were false; a true one had 112.)"""
 NARROW_DEG = 1.8
 """The same of an aureole that spreads the sun's light by less than this (rms): a lens simulated a little wrong does so,
 by 1.2° as usual. (One of our own, false, of 1.4° gained 30.)"""

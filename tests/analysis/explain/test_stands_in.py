@@ -2,16 +2,20 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from analysis.explain import asked
 from analysis.explain import search as searches
-from analysis.explain.fit import Fitter
+from analysis.explain.conclusion import Conclusion
+from analysis.explain.fit import MIDDLE, Fit, Fitter
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.thresholds import STANDS_IN
+from analysis.explain.thresholds import NAME_FIRST_FAR, NAME_STANDING_IN, STANDS_IN
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, make_case
 
@@ -36,3 +40,15 @@ def test_a_share_of_what_it_gains_counts_for_nothing(tmp_path: Path, monkeypatch
         assert all_.evidence - nothing.evidence > 20.0
         left = (1.0 - STANDS_IN) * (all_.evidence - nothing.evidence)
         assert some.evidence - nothing.evidence == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize("stands_in", [True, False])
+def test_what_stands_in_must_gain_more_first_and_beside(arm: Scene, stands_in: bool) -> None:
+    ways = [t for t in terms_of(BY_ID["soiling"], arm) if t.branch.stands_in == stands_in]
+    no = np.zeros(0)
+    nothing = Hypothesis(Fit((), no, no, no, hyper=MIDDLE), 0.0)
+    dirt = Hypothesis(Fit((ways[0],), np.full(len(ways[0].parameters), 0.1), no, no, hyper=MIDDLE), 80.0)
+    found = Conclusion(nothing, nothing, [dirt])
+    assert (asked.first(dirt, found, 1.0) == NAME_STANDING_IN) == stands_in
+    beside = asked.beside(dirt, nothing, found, "soiling", random=False)
+    assert beside >= NAME_STANDING_IN if stands_in else beside < NAME_FIRST_FAR
