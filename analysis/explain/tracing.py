@@ -30,6 +30,8 @@ TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
 ISOTROPIC: Final = ("isotropic", True)
 """Where the prediction knows no pattern, this setting has one (`on_top`)."""
 DIAGONAL: Final = ("rotation_deg", 45.0)
+ASLANT: Final = (("rotation_deg", 27.0), ("rotation_deg", 63.0))
+"""How else the pattern may lie that a prediction did not know."""
 DIFFUSE_SHARES: Final = (0.15,)
 SCATTERS_DEG: Final = (5.0, 15.0)
 AUREOLES_DEG: Final = (3.0, 8.0)
@@ -265,10 +267,11 @@ def _settings(system: System) -> list[Setting]:
     if "entry" in lenses:
         made += [(("soiling", depth),) for depth in DEPTHS]
     if "prismatic" in (system.entry.kind, system.exit.kind):
-        made += [(("rotation_deg", t),) for t in TURNS_DEG]
         made += [(ISOTROPIC,)]
         if knows_no_pattern(system):
-            made += [(ISOTROPIC, DIAGONAL)]
+            made += [(ISOTROPIC, turn) for turn in (DIAGONAL, *ASLANT)]
+        else:
+            made += [(("rotation_deg", t),) for t in TURNS_DEG]
     if system.wall.finish == "specular":
         made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
         made += [(("scatter_deg", s),) for s in SCATTERS_DEG]

@@ -126,14 +126,16 @@ def test_all_walls_alike_is_each_wall_where_it_stands(made: Retracings) -> None:
         assert np.allclose(alone.sky[m][1 - test], 1.0), "the other system's wall is as it was"
 
 
-def test_a_pattern_along_the_diagonals_is_the_pattern_turned(made: Retracings) -> None:
-    """What is lost beside it is the same, and so they differ by what a turn of 45 degrees does."""
+@pytest.mark.parametrize(
+    ("how", "turn_deg"), [(" along the diagonals", 45.0), (" turned by 27°", 27.0), (" turned by 63°", 63.0)]
+)
+def test_a_pattern_that_lies_otherwise_is_the_pattern_turned(made: Retracings, how: str, turn_deg: float) -> None:
+    """What is lost beside it is the same, and so they differ by what such a turn does."""
     plain, across = (
-        np.log(_path(made, "lens-anisotropy", f"a pattern{how}, not its mean").sun[1])
-        for how in ("", " along the diagonals")
+        np.log(_path(made, "lens-anisotropy", f"a pattern{lies}, not its mean").sun[1]) for lies in ("", how)
     )
     turns = _path(made, "lens-orientation", "own re-simulation")
-    turned = np.log(turns.sun[int(np.flatnonzero(turns.positions == 45.0)[0])])
+    turned = np.log(turns.sun[int(np.flatnonzero(turns.positions == turn_deg)[0])])
     assert np.std(turned) > 0.05
     assert np.corrcoef((across - plain).ravel(), turned.ravel())[0, 1] > 0.97
 

@@ -44,8 +44,14 @@ def test_suns_over_the_patterns_own_planes_tell_nothing() -> None:
     assert is_even(straight, lit(straight, 0.0), NO_SKY, rotation_deg=20.0)
 
 
-def test_two_suns_are_too_few_and_a_sky_is_even_by_itself() -> None:
-    assert not is_even(DAYS[:2], lit(DAYS[:2], 0.0), NO_SKY[:2])
+def test_two_suns_tell_only_what_is_quite_even() -> None:
+    few = DAYS[:2]
+    assert is_even(few, lit(few, 0.0), NO_SKY[:2])
+    assert is_even(DAYS, lit(DAYS, 0.02), NO_SKY) and not is_even(few, lit(few, 0.02), NO_SKY[:2])
+    assert not is_even([], NO_SKY[:0], NO_SKY[:0])
+
+
+def test_a_sky_is_even_by_itself() -> None:
     light = lit(DAYS, 0.0)
     assert not is_even(DAYS, light, 0.6 * light)
     assert is_even(DAYS, light, 0.3 * light)
