@@ -1,5 +1,6 @@
 """How much likelier one name is than another that does alike, for what the two are [log odds]."""
 
+from collections.abc import Iterable
 from typing import Final
 
 from analysis.explain import asked
@@ -24,6 +25,7 @@ from analysis.explain.thresholds import (
     OF_CASE_ODDS,
     ROOM_OR_LEAK,
     TILTED_OR_LATE,
+    UNSEEN,
 )
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
@@ -67,7 +69,7 @@ def _beside(found: Conclusion, rival: tuple[str, ...]) -> float:
 
 def beforehand(found: Conclusion, names: frozenset[str]) -> float:
     """Log odds of names that are added to others, against any: of what the prediction lacks, or of no instrument."""
-    return LACKED_ODDS * bool(names & found.lacked) - LIKELIER * bool(names & found.unseen)
+    return LACKED_ODDS * bool(names & found.lacked) - unseen(found, names)
 
 
 def beside(h: Hypothesis, other: Hypothesis) -> float:
@@ -106,4 +108,10 @@ def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
 
 def seen(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another for what was read: an instrument that no reading is of is less likely."""
-    return LIKELIER * (float(bool(found.unseen & set(other))) - float(name in found.unseen))
+    return unseen(found, other) - unseen(found, (name,))
+
+
+def unseen(found: Conclusion, names: Iterable[str]) -> float:
+    """Log odds against names of instruments that no reading is of: they act on others by the sun's share alone."""
+    odds = (LIKELIER if name == MeterTilt.id else UNSEEN for name in names if name in found.unseen)
+    return max(odds, default=0.0)

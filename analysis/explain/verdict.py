@@ -208,9 +208,7 @@ def _rivals(found: Conclusion, top: float, nats: float) -> dict[tuple[str, ...],
     sets = [(key, evidence) for key, evidence in found.considered if ids and not first & set(key)]
     best = max([found.best.evidence, *(evidence for key, evidence in found.considered if first & set(key))])
     rivals |= {key: (evidence - best) / nats for key, evidence in sets}
-    return {
-        key: odds - LIKELIER * bool(found.unseen & set(key)) - likelier.than(found, key) for key, odds in rivals.items()
-    }
+    return {key: odds - likelier.unseen(found, key) - likelier.than(found, key) for key, odds in rivals.items()}
 
 
 def _takes_the_rest(found: Conclusion) -> bool:
@@ -237,7 +235,7 @@ def _probabilities(found: Conclusion) -> None:
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against
         law = found.law_odds(top if len(ids) == 1 else found.best.evidence - found.nothing.evidence, nats)
-        nearest = max(*rivals.values(), law, nothing) + LIKELIER * (found.best.first in found.unseen)
+        nearest = max(*rivals.values(), law, nothing) + likelier.unseen(found, (found.best.first,))
         sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
         if found.one_instrument and len(ids) > 2:

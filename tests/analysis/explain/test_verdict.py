@@ -60,6 +60,7 @@ from analysis.explain.thresholds import (
     TEMPER_ONE,
     THIRD,
     TILTED_OR_LATE,
+    UNSEEN,
     WRONG_LENS,
 )
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles, stand_out
@@ -274,7 +275,7 @@ def test_a_meter_that_no_reading_shows_is_less_likely(arm: Scene) -> None:
     singles = ("sky-sun-ratio", 300.0), ("meter-gain", 270.0), ("c-offset", 10.0)
     seen, unseen = _decided(arm, *singles), _decided(arm, *singles, unseen=("meter-gain",))
     assert unseen.probability["sky-sun-ratio"] == pytest.approx(
-        RELIABLE * float(expit(30.0 / temper(300.0) + LIKELIER)), abs=1e-6
+        RELIABLE * float(expit(30.0 / temper(300.0) + UNSEEN)), abs=1e-6
     )
     assert seen.probability["sky-sun-ratio"] < unseen.probability["sky-sun-ratio"]
     alone = [_decided(arm, ("meter-tilt", 30.0), unseen=names).verdict for names in ((), ("meter-tilt",))]
@@ -835,21 +836,24 @@ def test_a_sun_without_a_disc_that_is_hardly_ahead_of_a_near_field_is_one(
         assert found.probability[told] == pytest.approx(RELIABLE * float(expit(ahead)), abs=1e-6)
 
 
-@pytest.mark.parametrize(("units", "told"), [(0.5 * LIKELIER, "sky-sun-ratio"), (1.5 * LIKELIER, "meter-gain")])
+@pytest.mark.parametrize(
+    ("meter_is", "least"), [("meter-gain", UNSEEN), ("meter-cosine", UNSEEN), ("meter-tilt", LIKELIER)]
+)
+@pytest.mark.parametrize(("times", "ahead"), [(0.5, False), (1.5, True)])
 def test_a_meter_that_no_reading_shows_is_told_only_well_ahead_of_what_does_alike(
-    arm: Scene, units: float, told: str
+    arm: Scene, meter_is: str, least: float, times: float, ahead: bool
 ) -> None:
     """As a first name, and beside another."""
+    told, base = meter_is if ahead else "sky-sun-ratio", "meter-gain" if meter_is == "meter-tilt" else "meter-tilt"
     nothing = _hypothesis(arm, 0.0)
-    meter = _hypothesis(arm, 300.0, "meter-gain")
-    split = _hypothesis(arm, 300.0 - units * temper(300.0), "sky-sun-ratio")
-    found = Conclusion(meter, nothing, [meter, split], unseen=frozenset({"meter-gain", "meter-tilt"}))
+    meter = _hypothesis(arm, 300.0, meter_is)
+    split = _hypothesis(arm, 300.0 - times * least * temper(300.0), "sky-sun-ratio")
+    found = Conclusion(meter, nothing, [meter, split], unseen=frozenset({meter_is, base}))
     assert first_of([meter, split], found).ids == (told,)
     assert _likeliest(found, [meter, split], nothing, 0.0).ids == (told,)
-    assert first_of([meter, split], Conclusion(meter, nothing, [meter, split])).ids == ("meter-gain",)
-    tilted = _hypothesis(arm, 100.0, "meter-tilt")
-    both = [_hypothesis(arm, h.evidence, "meter-tilt", *h.ids) for h in (meter, split)]
-    assert _likeliest(found, both, tilted, 0.0).ids[-1] == told
+    assert first_of([meter, split], Conclusion(meter, nothing, [meter, split])).ids == (meter_is,)
+    both = [_hypothesis(arm, h.evidence, base, *h.ids) for h in (meter, split)]
+    assert _likeliest(found, both, _hypothesis(arm, 100.0, base), 0.0).ids[-1] == told
 
 
 @pytest.mark.parametrize(("way", "odds"), [("following the daylight", ROOM_OR_LEAK), ("constant", 0.0)])
@@ -994,7 +998,7 @@ def test_a_further_name_of_a_meter_that_no_reading_shows_is_less_likely(arm: Sce
     meter, dirt = (_hypothesis(arm, gain, name) for gain, name in ((60.0, "meter-cosine"), (40.0, "soiling")))
     of_either = Conclusion(nothing, nothing, []), Conclusion(nothing, nothing, [], unseen=frozenset({"meter-cosine"}))
     seen, unseen = (share_of(found, meter, nothing, [meter, dirt], 60.0) for found in of_either)
-    assert unseen == pytest.approx(expit(logit(seen) - LIKELIER))
+    assert unseen == pytest.approx(expit(logit(seen) - UNSEEN))
 
 
 def test_what_the_prediction_lacks_by_the_cases_account_is_likelier_and_asked_for_less(arm: Scene) -> None:
