@@ -30,10 +30,18 @@ from analysis.explain.whitening import Factored, Solved, Whitener
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """A random effect beyond the nuisances: ``amplitude`` times independent unit effects of ``columns`` (N, K)."""
+    """A random effect beyond the nuisances: ``amplitude`` times independent unit effects of ``columns`` (N, K).
+
+    Those ``of_lens`` grow with `Hyper.lens`, too.
+    """
 
     columns: Floats
     amplitude: float = 1.0
+    of_lens: bool = False
+
+    def size(self, hyper: Hyper) -> float:
+        """The amplitude at some sizes."""
+        return self.amplitude * (hyper.lens if self.of_lens else 1.0)
 
 
 MIDDLE = Hyper(2.0, 1.2, 1.0)
@@ -128,7 +136,7 @@ class Fitter:
         self._factored[hyper.base] = factored  # the latest last
         while len(self._factored) > _KEPT:
             del self._factored[next(iter(self._factored))]
-        parts = tuple((self._solve(hyper, factored, e.columns), e.amplitude) for e in extra)
+        parts = tuple((self._solve(hyper, factored, e.columns), e.size(hyper)) for e in extra)
         key = (hyper, *((id(solved), amplitude) for solved, amplitude in parts))
         made = self._whiteners.pop(key, None)
         if made is None or made.blocks is not factored.blocks:

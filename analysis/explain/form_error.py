@@ -11,7 +11,8 @@ import numpy as np
 from analysis.cases.model import Floats
 from analysis.explain.along import in_broken_cloud, sphere
 from analysis.explain.fit import Extra, without
-from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.lens_error import lens_error_of
+from analysis.explain.mechanisms.base import Term, lit_by, predict
 from analysis.explain.scene import Scene
 from analysis.explain.series import unrest
 
@@ -36,8 +37,17 @@ def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Ex
         if local > 0.0:
             parts.append(local * change * scene.remember(sphere, LOCAL_DEG))
     unknown = _between_readings(scene, terms, theta)
+    other = _other_lens(scene, terms, theta)
     clouds = (Extra(scene.remember(in_broken_cloud, 0.0), np.sqrt(unknown)),) if unknown > 0.0 else ()
-    return (*clouds, Extra(np.concatenate(parts, axis=1))) if parts else clouds
+    return (*clouds, *other, Extra(np.concatenate(parts, axis=1))) if parts else (*clouds, *other)
+
+
+def _other_lens(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Extra, ...]:
+    """What a lens has wrong of the light that terms say was read, where that is other than was predicted."""
+    if not any(t.mechanism.other_light for t in terms) or not np.any(scene.is_gonio):
+        return ()
+    columns = lens_error_of(scene, lit_by(scene, terms, theta), predict(scene, terms, theta))
+    return (Extra(columns, of_lens=True),)
 
 
 def _between_readings(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> float:

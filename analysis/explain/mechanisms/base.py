@@ -100,7 +100,8 @@ class Mechanism:
     from one direction to the next), ``like_a_lens`` (its effect looks like that of a lens simulated a little wrong,
     which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``fitted_ways`` (so
     many of its ways are fitted after a first look at all), ``in_one_test`` (on a roof it may act in a single test),
-    ``in_time`` (it is a function of time, or of the order of the readings).
+    ``in_time`` (it is a function of time, or of the order of the readings), ``other_light`` (readings are of other
+    light than that which was predicted for them: from elsewhere, or such as the prediction lacks).
     """
 
     id: ClassVar[str]
@@ -112,6 +113,7 @@ class Mechanism:
     tie_breaker: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ("goniometer",)
     random: ClassVar[bool] = False
+    other_light: ClassVar[bool] = False
     form_error: ClassVar[float] = 0.08
     local_error: ClassVar[float] = 0.0
     like_a_lens: ClassVar[bool] = False
@@ -289,6 +291,15 @@ def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
     for term, p in parts:
         values = term.respond(scene, values, p)
     return values
+
+
+def lit_by(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Light:
+    """The light that ``terms`` make of what the case predicts, and where they say that each reading was taken."""
+    light, k = scene.dark_light(), 0
+    for term in terms:
+        term.illuminate(scene, light, theta[k : k + len(term.parameters)])
+        k += len(term.parameters)
+    return light
 
 
 def _lit(scene: Scene, parts: list[tuple[Term, Floats]]) -> Light:

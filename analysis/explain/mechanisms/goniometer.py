@@ -194,6 +194,8 @@ class COffset(Mechanism):
 class CHandedness(Mechanism):
     """C runs clockwise seen from above instead of counter-clockwise."""
 
+    other_light = True
+
     id = "c-handedness"
     stage = Stage.GONIOMETER
     leaves_out = "C runs the other way round: east and west are exchanged."

@@ -18,6 +18,8 @@ _UNLIKE = 0.01
 class ChannelSwap(Mechanism):
     """Two sensors are wired crosswise."""
 
+    other_light = True
+
     id = "channel-swap"
     stage = Stage.GONIOMETER
     leaves_out = "Two sensors are wired crosswise."
