@@ -5,7 +5,9 @@ import pytest
 
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.form_error import form_error, locally_wrong
-from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.hypers import Hyper
+from analysis.explain.lens_error import lens_error_of_systems
+from analysis.explain.mechanisms.base import Term, lit_by, predict
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from tests.analysis.explain.test_mechanisms import term
@@ -50,6 +52,32 @@ def test_near_sensors_see_edges_off_by_half_the_aperture(arm: Scene) -> None:
     seen = term(arm, "near-field", "closed form").mechanism.displaces_deg(arm)
     assert np.tan(np.radians(seen)) * 2.6 == pytest.approx(widest / 2.0)
     assert term(arm, "c-offset").mechanism.displaces_deg(arm) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "way"), [("c-handedness", "zero in the north"), ("channel-swap", "gonio.g25 and gonio.g55")]
+)
+def test_a_lens_errs_where_it_was_seen(arm: Scene, mechanism: str, way: str) -> None:
+    """By planes that run the other way round, on the other side; by exchanged sensors, at the other's angle."""
+    turned = term(arm, mechanism, way)
+    theta = np.zeros(len(turned.parameters))
+    light = lit_by(arm, (turned,), theta)
+    where = np.column_stack(
+        [arm.readings.test, np.round(arm.readings.gamma_deg), np.round(arm.readings.c_deg % 360, 1)]
+    )
+    place = {tuple(key): k for k, key in enumerate(where.tolist())}
+    seen = np.column_stack([where[:, 0], np.round(light.gamma_deg), np.round(light.c_deg % 360.0, 1)])
+    there = [place[tuple(key)] for key in seen.tolist()]
+    assert there != list(range(len(there)))
+    (extra,) = [e for e in form_error(arm, (turned,), theta) if e.of_lens]
+    here = np.stack(list(lens_error_of_systems(arm).values()), axis=1)
+    scale = np.sqrt(np.sum(here**2, axis=0) / np.sum(extra.columns**2, axis=0))
+    assert extra.columns * scale == pytest.approx(here[there], abs=0.05 * float(np.abs(here).max()))
+    assert (extra.size(Hyper(1.0, 1.0, 2.0)), extra.size(MIDDLE)) == (2.0, 1.0)
+
+
+def test_a_small_turn_leaves_a_lens_where_it_is(arm: Scene) -> None:
+    assert not any(e.of_lens for e in form_error(arm, (term(arm, "c-offset"),), np.array([5.0])))
 
 
 @pytest.mark.parametrize("seed", [5, 6, 8])
