@@ -84,6 +84,8 @@ def decide(found: Conclusion, few: float) -> None:
         # a random effect predicts no reading, and leans on ripple, unless repeats of one direction show it themselves;
         # of a camera's exposures it is all there is to say
         found.verdict = "partly-explained"
+    elif _lacks_a_name(found):
+        found.verdict = "partly-explained"
     else:
         found.verdict = "explained"
     _probabilities(found)
@@ -107,6 +109,12 @@ def _may_be_left(found: Conclusion, gain: float) -> float:
     random = LEFT_OF_RANDOM if found.best.wanders else LEFT_OF_STRONG
     share = LEFT_OF_LENS if any(traced(t) for t in first) else random
     return UNNAMED + max(min(asked.misfit(found.best, found.nothing), MOST_MISFIT), share * gain)
+
+
+def _lacks_a_name(found: Conclusion) -> bool:
+    """Whether something further gains enough beside the names, and only what it is called is not sure."""
+    beside = (share for (base, _), share in found.shares.items() if base == frozenset(found.best.ids))
+    return min(beside, default=1.0) < found.sure_beside
 
 
 def _rougher(found: Conclusion, usual: Hyper) -> bool:

@@ -263,6 +263,17 @@ def test_two_that_do_alike_are_told_and_not_claimed(arm: Scene) -> None:
     assert found.probability["c-offset"] + sum(p for _, p in found.alternatives) <= 1.0
 
 
+@pytest.mark.parametrize(("share", "verdict"), [(0.54, "partly-explained"), (0.95, "explained"), (1.0, "explained")])
+def test_where_only_the_further_name_is_not_sure_the_rest_is_not_explained(
+    arm: Scene, share: float, verdict: str
+) -> None:
+    """A range that ends and a response that bends do alike beside a clock: one of the two is there."""
+    found = _decided(arm, ("clock-offset", 400.0), ("saturation", 20.0))
+    found.shares = {(frozenset({"clock-offset"}), "saturation"): share, (frozenset({"saturation"}), "c-offset"): 0.1}
+    decide(found, 1.0)
+    assert found.verdict == verdict
+
+
 def test_doubles_that_do_not_do_alike_are_rivals(arm: Scene) -> None:
     """A leak that follows the daylight is not a reading in the dark."""
     found = _decided(arm, ("stray-light", 200.0), ("dark-offset", 90.0))
