@@ -64,8 +64,9 @@ def lens_error_effects(scene: Scene) -> Floats:
 
 
 def lens_error_of(scene: Scene, light: Light, model: Floats) -> Floats:
-    """What all tests of a system share (N, K), of other light than was predicted; ``model`` (N,) is what is read of it.
+    """Unit effects (N, K) on the stretched scale that all tests of a system share, of other light than was predicted.
 
+    ``model`` (N,) [cd] is what is read of that light.
     What a lens has wrong lies where its images are seen: by planes that run the other way round, on the other side.
     (An aureole had gained 109 nats beside such planes, a near field 64 beside exchanged sensors, on another author's
     cases; neither was there.)

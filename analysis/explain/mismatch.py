@@ -145,6 +145,7 @@ def corrected_sd(scene: Scene, fit: Fit, fitter: Fitter, wrong: tuple[Extra, ...
     """Standard uncertainty (N,) of the corrected prediction: parameters, forms, gains, and the shape discrepancy."""
     r = scene.readings
     variance = np.einsum("ij,jk,ik->i", fit.jacobian, fit.covariance, fit.jacobian)
+    # what any lens has wrong is a nuisance of every hypothesis, wherever it lies: no form's error
     variance += sum(np.sum((e.amplitude * e.columns) ** 2, axis=1) for e in wrong if not e.of_lens)
     for block in fitter.nuisance.blocks:
         noise = (r.noise[block.rows] / r.scale[block.rows]) ** 2

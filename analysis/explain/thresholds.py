@@ -184,8 +184,8 @@ LIKELIER = 2.0
 where the case holds no reading of one. (On other authors' cases all four names beside which such a law stood within 1.3
 of these were right.)"""
 UNSEEN = 4.0
-"""The same against a name of a roof meter, other than a tilt, where the case holds no reading of one. (Below ten other
-authors' skylights eight such were ahead of all other names; none was true, and five times the true one came next.)"""
+"""The same against a name of a roof meter, other than a tilt, where the case holds no reading of one. (Below nine other
+authors' 602 skylights six such were ahead of all other names; none was true, and five times a true one came next.)"""
 FLATTENS = 1.1
 """The same of a range that ends against a response that is not proportional, where that only flattens towards bright
 light: what amplifiers and counters do near their end is commoner than such a response in all its range."""

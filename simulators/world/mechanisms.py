@@ -195,9 +195,9 @@ MECHANISMS: Final[dict[str, Mechanism]] = {
     "nonlinearity": Mechanism(
         "sensors",
         {"exponent": "1", "reference_lx": "lx"},
-        lambda rng: {"exponent": _sign(rng) * float(rng.uniform(0.03, 0.06)), "reference_lx": 300.0},
-        lambda p, _: Hidden(heads=HeadFaults(curve=p["exponent"], curve_reference_lx=p["reference_lx"])),
-        "The sensors' readings went as light to the power of 1{exponent:+.3f}, right at {reference_lx:.0f} lx.",
+        lambda rng: {"exponent": 1.0 + _sign(rng) * float(rng.uniform(0.03, 0.06)), "reference_lx": 300.0},
+        lambda p, _: Hidden(heads=HeadFaults(curve=p["exponent"] - 1.0, curve_reference_lx=p["reference_lx"])),
+        "The sensors' readings went as light to the power of {exponent:.3f}, right at {reference_lx:.0f} lx.",
     ),
     "saturation": Mechanism(
         "sensors",

@@ -26,8 +26,8 @@ def _near_matrix(shape: str, size: tuple[float, ...], distance_m: float) -> spar
 _INTERPOLATED = 0.25
 """Form error of a turn where the prediction is known at the sensors' nominal directions alone: sharp images dull."""
 _OF_TURN = 0.2
-"""Share of an azimuth's error that images leave open. (Of twenty that ten other authors' cases held two were told by
-more than .3 too large.)"""
+"""Share of an azimuth's error that images leave open. (Of twenty in seven other authors' cases two were told as
+larger by more than .3 of it.)"""
 
 
 _FAR_DEG = float(np.degrees(np.arctan(0.5 / 6.0)))

@@ -19,8 +19,8 @@ _WEIGHT = Parameter(
 _OTHER_LENS = 0.3
 """Share by which the change of a turned pattern may miss from one direction to the next."""
 _OF_HAZE = 0.3
-"""Share of a haze that its form leaves open: no two lenses scatter alike. (Of twelve by ten other authors' numbers four
-were told as .57 to .65 times, one as 2.4 times as much.)"""
+"""Share of a haze that its form leaves open: no two lenses scatter alike. (Of twelve by seven other authors three were
+told as .57 to .65 times as much, one as 2.4 times.)"""
 _OF_ALL_LIGHT = 0.6
 """Share by which an angle may be larger than all light turned. (Below the wells of three other authors a lens was
 turned by 1.4 to 2.1 times as much.)"""

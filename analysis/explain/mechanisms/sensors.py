@@ -170,7 +170,7 @@ class Nonlinearity(Mechanism):
         return np.where(acts, values * factor, values)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
-        """Of a power also the exponent itself."""
+        """Of a power also the exponent itself: of four authors two mean 1 + p by that word, two p."""
         found = super().report(p, sd, term)
         power = not isinstance(term.branch.value, tuple)
         return {"exponent": told(1.0 + p[0], float(sd[0]), "1"), **found} if power else found

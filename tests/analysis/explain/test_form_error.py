@@ -71,8 +71,8 @@ def test_a_lens_errs_where_it_was_seen(arm: Scene, mechanism: str, way: str) -> 
     assert there != list(range(len(there)))
     (extra,) = [e for e in form_error(arm, (turned,), theta) if e.of_lens]
     here = np.stack(list(lens_error_of_systems(arm).values()), axis=1)
-    scale = np.sqrt(np.sum(here**2, axis=0) / np.sum(extra.columns**2, axis=0))
-    assert extra.columns * scale == pytest.approx(here[there], abs=0.05 * float(np.abs(here).max()))
+    of_system = 0.85  # of an error's usual size, all of which is allowed for there
+    assert of_system * extra.columns == pytest.approx(here[there], abs=0.05 * float(np.abs(here).max()))
     assert (extra.size(Hyper(1.0, 1.0, 2.0)), extra.size(MIDDLE)) == (2.0, 1.0)
 
 
