@@ -10,7 +10,8 @@ from explain_forms import Problem, scene_of, simulation, starts, usable
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain import apply
-from analysis.explain.mechanisms.base import Term, predict, terms_of
+from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
 from simulators.trial.answer import Answer, Named
 

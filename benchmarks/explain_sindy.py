@@ -17,7 +17,8 @@ from explain_search import answered
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
-from analysis.explain.mechanisms.base import Term, terms_of
+from analysis.explain.mechanisms.base import Term
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.scene import Scene
 from simulators.trial.answer import Answer, Named
 

@@ -19,7 +19,8 @@ from analysis.explain.retrace import Path
 from analysis.explain.roomlight import DarkRoom, inside
 from analysis.explain.scene import Light, Scene
 from analysis.explain.settings import EVENED
-from analysis.explain.tracing import HAZES, SHARP_SIDE, SUN_SAMPLES, daylight_of, on_top
+from analysis.explain.trace_settings import HAZES, on_top
+from analysis.explain.tracing import SHARP_SIDE, SUN_SAMPLES, daylight_of
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES

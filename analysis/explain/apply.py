@@ -10,8 +10,9 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
-from analysis.explain.mechanisms.base import Mechanism, Term, in_its_state, predict, terms_of
+from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import in_its_state, terms_of
 from analysis.explain.mechanisms.well import BounceTruncation, WallScatter
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings

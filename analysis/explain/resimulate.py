@@ -15,7 +15,8 @@ from analysis.explain.ratios import Field
 from analysis.explain.readings import GONIOMETER
 from analysis.explain.retrace import Path
 from analysis.explain.settings import paths_of
-from analysis.explain.tracing import AUREOLES_DEG, Tracing, systems_of
+from analysis.explain.trace_settings import AUREOLES_DEG
+from analysis.explain.tracing import Tracing, systems_of
 from analysis.simulate.system import System
 from analysis.simulate.tally import Field as TallyField
 

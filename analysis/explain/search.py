@@ -23,9 +23,10 @@ from analysis.explain.fit import MIDDLE, Extra, Fit, Fitter, posterior_covarianc
 from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypers import STRIDES
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import Mechanism, Term, predict, terms_of
+from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.thresholds import STANDS_IN, TEMPER_ONE
 from analysis.explain.wander import Wander, likeliest
 

@@ -16,23 +16,21 @@ from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
 from analysis.explain.ratios import Field, over
 from analysis.explain.retrace import Path, by_system
-from analysis.explain.tracing import (
+from analysis.explain.trace_settings import (
     ASLANT,
     DEPTHS,
     DIAGONAL,
     DIFFUSE_SHARES,
     HAZE,
     HAZES,
-    IMAGE_DEG,
     ISOTROPIC,
     SCATTERS_DEG,
     TURNS_DEG,
     Setting,
-    Tracing,
     haze,
     knows_no_pattern,
-    later,
 )
+from analysis.explain.tracing import IMAGE_DEG, Tracing, later
 
 X = TypeVar("X")
 

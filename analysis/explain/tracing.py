@@ -7,7 +7,7 @@ the two engines disagree about drops out.
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,30 +17,13 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
 from analysis.explain.ratios import Field, blurred_ratio, over
 from analysis.explain.readings import sun_at
-from analysis.simulate.changes import Change, lenses_of
+from analysis.explain.trace_settings import AUREOLES_DEG, SETTINGS_OF, Setting, on_top, settings_of
+from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.lens import SAMPLES
 from analysis.simulate.system import System, from_case_table
 from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
-
-Setting = tuple[tuple[str, float | str], ...]
-
-TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
-ISOTROPIC: Final = ("isotropic", True)
-"""Where the prediction knows no pattern, this setting has one (`on_top`)."""
-DIAGONAL: Final = ("rotation_deg", 45.0)
-ASLANT: Final = (("rotation_deg", 27.0), ("rotation_deg", 63.0))
-"""How else the pattern may lie that a prediction did not know."""
-DIFFUSE_SHARES: Final = (0.15,)
-SCATTERS_DEG: Final = (5.0, 15.0)
-AUREOLES_DEG: Final = (3.0, 8.0)
-HAZES: Final[dict[str, tuple[str, ...]]] = {"both lenses": (), "entry lens": ("entry",), "exit lens": ("exit",)}
-"""Where haze may be, and how a setting names it."""
-HAZE: Final = 0.15
-"""The share of the light that haze is traced with; its effect is nearly linear in it."""
-DEPTHS: Final = (0.15, 0.6)
-"""Optical depths of dirt on the cover."""
 
 RAYS: Final = 100_000
 MORE_RAYS: Final = 320_000
@@ -69,17 +52,6 @@ def systems_of(case: Case) -> dict[str, System]:
         except LabdaqError:
             continue  # a system that our engine cannot imagine: the case's own variants have to do
     return systems
-
-
-SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
-    "circumsolar-aureole": ("aureole_deg",),
-    "lens-haze": ("haze",),
-    "soiling": ("soiling",),
-    "lens-orientation": ("rotation_deg",),
-    "lens-anisotropy": ("isotropic", "rotation_deg"),
-    "wall-scatter": ("diffuse_fraction", "scatter_deg"),
-}
-"""Settings that are traced for a mechanism; those of other mechanisms need none but the systems as described."""
 
 
 class Tracing:
@@ -150,7 +122,7 @@ class Tracing:
         )
 
     def _settings(self, system: System) -> list[Setting]:
-        return [setting for setting in _settings(system) if setting[0][0] in self._names]
+        return [setting for setting in settings_of(system) if setting[0][0] in self._names]
 
     def as_predicted(self, outcome: Outcome) -> Parts:
         """In the far field, or at the sensors, as the case's prediction is."""
@@ -229,53 +201,6 @@ class Tracing:
             flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
             made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
         return made
-
-
-def haze(where: tuple[str, ...]) -> Setting:
-    """The setting of haze in some lens, or in all."""
-    return (("haze", HAZE), *(("lenses", place) for place in where))
-
-
-def knows_no_pattern(system: System) -> bool:
-    """Whether the system's lenses are as a simulation sees them that knows no directions in their plane."""
-    return any(getattr(system, place).isotropic for place in lenses_of(system))
-
-
-def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
-    """A setting as a change of the system: haze (in all lenses, or those it names) comes on top of theirs.
-
-    And lenses whose pattern the prediction did not know get one, where others lose theirs.
-    """
-    rest = dict(setting)
-    if "isotropic" in rest:
-        rest["isotropic"] = not knows_no_pattern(system)
-    share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
-    places = () if share is None else (chosen,) if chosen else lenses_of(system)
-    for place in ("entry", "exit"):
-        more = share if place in places else rest.get(f"{place}.haze")
-        if more is not None:
-            own = getattr(system, place).haze
-            rest[f"{place}.haze"] = own + (1.0 - own) * more
-    return rest
-
-
-def _settings(system: System) -> list[Setting]:
-    """What is traced for a system: only settings that change it."""
-    made: list[Setting] = [(("aureole_deg", w),) for w in AUREOLES_DEG]
-    lenses = [place for place in ("entry", "exit") if getattr(system, place).kind != "none"]
-    made += [haze(where) for where in HAZES.values() if set(where) <= set(lenses) and (where or len(lenses) > 1)]
-    if "entry" in lenses:
-        made += [(("soiling", depth),) for depth in DEPTHS]
-    if "prismatic" in (system.entry.kind, system.exit.kind):
-        made += [(ISOTROPIC,)]
-        if knows_no_pattern(system):
-            made += [(ISOTROPIC, turn) for turn in (DIAGONAL, *ASLANT)]
-        else:
-            made += [(("rotation_deg", t),) for t in TURNS_DEG]
-    if system.wall.finish == "specular":
-        made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
-        made += [(("scatter_deg", s),) for s in SCATTERS_DEG]
-    return made
 
 
 def daylight_of(case: Case, k: int, minutes: float) -> Daylight:

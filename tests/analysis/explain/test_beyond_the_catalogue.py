@@ -13,8 +13,9 @@ from analysis.explain.families import CLOUD
 from analysis.explain.fit import Fitter
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.hypers import Hyper
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.mismatch import Explanation, explain
 from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings

@@ -11,8 +11,9 @@ import pytest
 from analysis.cases import Case
 from analysis.explain.apply import Model, apply_model
 from analysis.explain.fit import MIDDLE, Fitter
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search

@@ -17,9 +17,10 @@ from analysis.explain.again import simulated_again
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.geometry import apply_operator, blurred
-from analysis.explain.mechanisms.base import Mechanism, Stage, predict, terms_of
+from analysis.explain.mechanisms.base import Mechanism, Stage, predict
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.mechanisms.goniometer import _near_matrix
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
 from analysis.explain.roomlight import DarkRoom, RoomLight, room_light
 from analysis.explain.scene import Scene

@@ -8,7 +8,7 @@ from analysis.explain import likeness
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import blurred
 from analysis.explain.likeness import Likened, Predicted, likened
-from analysis.explain.tracing import on_top
+from analysis.explain.trace_settings import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
 from analysis.simulate.tracer import Settings, trace

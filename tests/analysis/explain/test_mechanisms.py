@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from analysis.explain import retrace
-from analysis.explain.mechanisms.base import FORM_OF_SIZE, IMAGES_OF_SIZE, Branch, Term, predict, terms_of
+from analysis.explain.mechanisms.base import FORM_OF_SIZE, IMAGES_OF_SIZE, Branch, Term, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.sky.perez import PerezSky

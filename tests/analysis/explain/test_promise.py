@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.explain.fit import MIDDLE, Fitter
-from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from tests.analysis.explain.roof import roof_case

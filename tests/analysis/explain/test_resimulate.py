@@ -14,8 +14,9 @@ from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.geometry import blurred
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.ratios import ratio
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of

@@ -14,9 +14,10 @@ from analysis.explain.answer import answer
 from analysis.explain.families import UNREST, evenly_restless
 from analysis.explain.fit import Fit, Fitter
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sluggish import low_passed
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.mechanisms.timing import ClockOffset, _altitude_later
 from analysis.explain.mismatch import explain
 from analysis.explain.noise import blocks_of

@@ -10,8 +10,8 @@ from analysis.explain.answer import answer
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.mismatch import explain
 from analysis.explain.moment_error import moment_error
 from analysis.explain.readings import Readings

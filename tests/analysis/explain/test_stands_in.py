@@ -10,8 +10,8 @@ from analysis.explain import search as searches
 from analysis.explain.conclusion import Conclusion
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import terms_of
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search

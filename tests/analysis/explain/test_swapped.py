@@ -11,8 +11,9 @@ from analysis.cases import Case, write_case
 from analysis.cases.model import Records
 from analysis.explain.answer import answer
 from analysis.explain.fit import MIDDLE, Fitter
-from analysis.explain.mechanisms.base import in_its_state, predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import in_its_state, terms_of
 from analysis.explain.mismatch import explain
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene

@@ -14,10 +14,11 @@ from analysis.explain.families import CLOUD, SHUTTER, UNREST
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import Branch, Term, terms_of
+from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.sensors import Nonlinearity
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search

@@ -9,8 +9,9 @@ from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.locate import Scan
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.mismatch import LOOKING
 from analysis.explain.scene import Scene
 from analysis.explain.wander import Wander, Wandering

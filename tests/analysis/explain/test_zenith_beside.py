@@ -10,8 +10,9 @@ from analysis.cases import Case, write_case
 from analysis.cases.model import CaseFile, Records
 from analysis.explain.fit import Fitter
 from analysis.explain.hypers import ON_THE_ROOF, lattice_of
-from analysis.explain.mechanisms.base import predict, terms_of
+from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import ROOF, SKY, Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
