@@ -1,0 +1,90 @@
+"""What is looked for beside what was found, and when two names are told together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import analysis.explain.conclude as conclusions
+from analysis.explain.conclude import _grow, _wandering_beside, conclude
+from analysis.explain.conclusion import Conclusion
+from analysis.explain.families import CLOUD, SHUTTER
+from analysis.explain.fit import Fitter
+from analysis.explain.mechanisms.base import Branch
+from analysis.explain.scene import Scene
+from analysis.explain.search import Search
+from analysis.explain.thresholds import (
+    HOLDS_LAWS,
+    TEMPER_ONE,
+)
+from analysis.explain.wander import Wandering
+from tests.analysis.explain.weighed import hypothesis
+
+
+def test_a_sun_without_any_disc_stands_in_no_seconds_way(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search(Fitter(arm))
+    name, nothing = hypothesis(arm, 500.0, "c-handedness"), hypothesis(arm, 0.0)
+    both = [hypothesis(arm, gain, "c-handedness", m) for m, gain in (("circumsolar-aureole", 75.0), ("lens-haze", 70))]
+    both[0].fit.terms = (both[0].fit.terms[0], replace(both[0].fit.terms[1], branch=Branch("halfway", "halfway")))
+    monkeypatch.setattr(search, "beside", lambda *_: both)
+    monkeypatch.setattr(search, "allowed", lambda *_: ())
+    monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
+    monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
+    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    for fraction, told in ((0.5, "circumsolar-aureole"), (1.0, "lens-haze")):
+        one = len(both[0].fit.terms[0].parameters)
+        both[0].fit.theta = np.array([0.0] * one + [fraction, 5.0])
+        both[1].fit.theta = np.zeros(one + 1)
+        found = Conclusion(name, nothing, [name])
+        _grow(search, found)
+        assert {new for _, new in found.shares} == {told}
+
+
+def test_conclude_weighs_a_picture_as_one_instrument(picture: Scene) -> None:
+    assert conclude(Search(Fitter(picture))).nat == TEMPER_ONE
+
+
+def test_a_random_function_gains_what_any_law_would(picture: Scene) -> None:
+    """A wave over the logarithm of the luminance, which no law is: a share of what the function gains tells nothing."""
+    r = picture.readings
+    wave = 1.0 + 0.05 * np.sin(6.0 * np.log(r.simulated))
+    search = Search(Fitter(Scene(replace(r, measured=r.simulated * wave))))
+    nothing = search.nothing()
+    found = Conclusion(nothing, nothing, [])
+    (told,) = [h for h in _wandering_beside(search, found, nothing, ()) if h.ids == ("exposure-error",)]
+    whole = search.wandering(nothing, SHUTTER, ()).evidence - nothing.evidence
+    assert told.evidence - nothing.evidence == pytest.approx((1.0 - HOLDS_LAWS) * whole)
+    assert whole > 20.0
+
+
+def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name that is second to it is likely first, and the cloud what that leaves."""
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
+    name = hypothesis(arm, 46.0, "cosine-response")
+    bases: list[str] = []
+    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: bases.append(base.first))
+    for gain, sought in ((39.0, {"cosine-response"}), (45.0, {"cosine-response", "cloud-drift"})):
+        cloud = replace(hypothesis(arm, gain), wanders=(Wandering(CLOUD, 0.05, 25.0),))
+        bases.clear()
+        _grow(search, Conclusion(name, nothing, [name, cloud], readings=1280))
+        assert set(bases) == sought
+
+
+@pytest.mark.parametrize(("gain", "share"), [(5.0, 1.0), (60.0, 0.5)])
+def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, share: float
+) -> None:
+    search, nothing = Search(Fitter(arm)), hypothesis(arm, 0.0)
+    name = hypothesis(arm, 100.0, "c-offset")
+    both = [hypothesis(arm, gain, "c-offset", m) for m in ("gamma-offset", "cosine-response")]
+    for h in both:
+        h.fit.theta = np.zeros(len(h.fit.parameters))
+    monkeypatch.setattr(search, "beside", lambda *_: both)
+    monkeypatch.setattr(search, "allowed", lambda *_: ())
+    monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
+    monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
+    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    found = Conclusion(name, nothing, [name])
+    _grow(search, found)
+    assert found.best is name
+    assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): share}
