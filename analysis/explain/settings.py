@@ -21,6 +21,7 @@ from analysis.explain.trace_settings import (
     DEPTHS,
     DIAGONAL,
     DIFFUSE_SHARES,
+    FLAT,
     HAZE,
     HAZES,
     ISOTROPIC,
@@ -95,13 +96,14 @@ def _through(
     parameter: Parameter,
     lit: dict[float, Field],
     origin: float,
+    base: Field | None = None,
     *,
     geometric: bool = False,
 ) -> Iterator[Path]:
-    """The path through fields that were traced at its positions, at each of `EVENED_DEG`."""
+    """The path through fields that were traced at its positions, over ``base``, at each of `EVENED_DEG`."""
     one = np.ones_like(traced.base[0])
     for width, note in EVENED_DEG.items():
-        over_base = _each(partial(traced.over_base, width_deg=width), lit.values())
+        over_base = _each(partial(traced.over_base, width_deg=width, base=base), lit.values())
         ratios = dict(zip(lit, over_base, strict=True)) | {origin: (one, one)}
         yield Path(label + note, parameter, *_stacked(ratios), geometric)
 
@@ -127,10 +129,23 @@ def _hazes(traced: Tracing) -> Iterator[Path]:
 
 
 def _dirt(traced: Tracing) -> Iterator[Path]:
-    """Along the transmittance lost at normal incidence."""
+    """Along the transmittance lost at normal incidence: on covers as described, and on flat ones if some are not flat.
+
+    (Another author's round panes let 22 % of a low sun's light pass and 76 % of the zenith's; supposed domes let pass
+    47 and 70 %, and the loss gained 56 nats instead of 415.)
+    """
     loss = Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15, 0.45))
-    lit = {1.0 - float(np.exp(-depth)): traced.lit((("soiling", depth),)) for depth in DEPTHS}
+    lit = {_lost(depth): traced.lit((("soiling", depth),)) for depth in DEPTHS}
     yield from _through(traced, "dirt, traced", loss, lit, 0.0, geometric=True)
+    if any(system.rise_m > 0.0 for system in traced.systems.values()):
+        lit = {_lost(depth): traced.lit((("soiling", depth), FLAT), (("soiling", depth),)) for depth in DEPTHS}
+        clean = traced.lit((FLAT,))
+        yield from _through(traced, "dirt on flat covers, traced", loss, lit, 0.0, clean, geometric=True)
+
+
+def _lost(depth: float) -> float:
+    """Transmittance lost at normal incidence through dirt of an optical depth."""
+    return 1.0 - float(np.exp(-depth))
 
 
 def _isotropy(traced: Tracing) -> Iterator[Path]:

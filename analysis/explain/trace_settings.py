@@ -23,11 +23,13 @@ HAZE: Final = 0.15
 """The share of the light that haze is traced with; its effect is nearly linear in it."""
 DEPTHS: Final = (0.15, 0.6)
 """Optical depths of dirt on the cover."""
+FLAT: Final = ("rise_m", 0.0)
+"""A cover without any rise: a case does not tell whether there is a dome, and dirt on a pane is another matter."""
 
 SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
     "circumsolar-aureole": ("aureole_deg",),
     "lens-haze": ("haze",),
-    "soiling": ("soiling",),
+    "soiling": ("soiling", FLAT[0]),
     "lens-orientation": ("rotation_deg",),
     "lens-anisotropy": ("isotropic", "rotation_deg"),
     "wall-scatter": ("diffuse_fraction", "scatter_deg"),
@@ -70,6 +72,8 @@ def settings_of(system: System) -> list[Setting]:
     made += [haze(where) for where in HAZES.values() if set(where) <= set(lenses) and (where or len(lenses) > 1)]
     if "entry" in lenses:
         made += [(("soiling", depth),) for depth in DEPTHS]
+        if system.rise_m > 0.0:
+            made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
     if "prismatic" in (system.entry.kind, system.exit.kind):
         made += [(ISOTROPIC,)]
         if knows_no_pattern(system):

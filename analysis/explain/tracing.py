@@ -151,16 +151,19 @@ class Tracing:
             sun[rows], sky[rows] = made
         return sun, sky
 
-    def lit(self, settings: Setting) -> Field:
-        """Both parts with ``settings``; as they are for systems that do not have such a setting."""
+    def lit(self, *settings: Setting) -> Field:
+        """Both parts with the first of ``settings`` that a system has; as they are for systems that have none."""
         made = {}
         for name, run in self.runs.items():
             mine = dict(zip(self._settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
-            made[name] = self.as_predicted(mine.get(settings, run.baseline))
+            known = (mine[one] for one in settings if one in mine)
+            made[name] = self.as_predicted(next(known, run.baseline))
         return self.spread(made)
 
-    def over_base(self, lit: Field, width_deg: float) -> Field:
-        """Ratio of both parts to those of the systems as described, both blurred as by `wide`."""
+    def over_base(self, lit: Field, width_deg: float, base: Field | None = None) -> Field:
+        """Ratio of both parts to those of the systems as described (or to ``base``), both blurred as by `wide`."""
+        if base is not None:
+            return over(self.wide(lit, width_deg), self.wide(base, width_deg))
         if width_deg not in self._blurred:
             self._blurred[width_deg] = self.wide(self.base, width_deg)
         return over(self.wide(lit, width_deg), self._blurred[width_deg])

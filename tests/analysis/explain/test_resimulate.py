@@ -141,6 +141,21 @@ def test_a_pattern_that_lies_otherwise_is_the_pattern_turned(made: Retracings, h
     assert np.corrcoef((across - plain).ravel(), turned.ravel())[0, 1] > 0.97
 
 
+def test_dirt_on_a_flat_cover_takes_as_much_of_a_beam_everywhere(simulated: OwnSimulation, made: Retracings) -> None:
+    """exp(-depth / sin h), wherever the light goes on to; under a cover that rises another share, as it comes so."""
+    flat, rising = (_path(made, "soiling", way) for way in ("dirt on flat covers, traced", "dirt, traced"))
+    others = set()
+    for name, test in (("box", BOX), ("tube", TUBE)):
+        height = np.sin(np.radians(simulated.case.tests[test].sun_altitude_deg))
+        for lost, sun, aslant in zip(flat.positions[1:], flat.sun[1:], rising.sun[1:], strict=True):
+            wanted = (1.0 - lost) ** (1.0 / height)
+            assert np.quantile(sun[test], (0.05, 0.95)) == pytest.approx(wanted, rel=0.01)
+            if abs(np.median(aslant[test]) / wanted - 1.0) > 0.005:
+                others.add(name)
+    assert np.all(flat.sun[0] == 1.0) and np.all(flat.sky[0] == 1.0)
+    assert others == {name for name, like in made.systems.items() if like.system.rise_m > 0.0} != set()
+
+
 def test_darker_walls_take_light(made: Retracings) -> None:
     path = _path(made, "wall-reflectance", "all systems alike")
     flux = path.sky.mean(axis=(2, 3))  # (settings, tests)
