@@ -308,15 +308,26 @@ def test_blueness_goes_with_the_colour_temperature_that_a_luminance_has(picture:
     assert np.all(made[blueness < 0.0] == 0.0)
 
 
-@pytest.mark.parametrize("way", ["", "growing to the rim"])
-def test_a_wrong_projection_reads_the_sky_beside(picture: Scene, way: str) -> None:
-    shift = 2.0 * (np.sin(2.0 * np.radians(ZENITH)) if way == "" else ZENITH / 90.0)
+@pytest.mark.parametrize(
+    ("way", "power"), [("", None), ("growing to the rim", 1), ("at the rim", 3)], ids=["half way", "rim", "cube"]
+)
+def test_a_wrong_projection_reads_the_sky_beside(picture: Scene, way: str, power: int | None) -> None:
+    shift = 2.0 * (np.sin(2.0 * np.radians(ZENITH)) if power is None else (ZENITH / 90.0) ** power)
     exact = np.concatenate([luminance(t, ZENITH + shift, ROUND) for t in SKY_TESTS])
     made = np.log(acted(picture, "projection-error", way, 2.0) / picture.readings.simulated)
     exact = np.log(exact / picture.readings.simulated)
     assert np.corrcoef(made, exact)[0, 1] > 0.7
     high = slice(40, 120)  # forty places 20° apart show the glow of a high sun; beside a low one they are too few
-    assert np.sqrt(np.mean((made - exact)[high] ** 2)) < 0.5 * np.sqrt(np.mean(exact[high] ** 2))
+    assert np.sqrt(np.mean((made - exact)[high] ** 2)) < (0.6 if power == 3 else 0.5) * np.sqrt(
+        np.mean(exact[high] ** 2)
+    )
+
+
+@pytest.mark.parametrize(("way", "share"), [("", 0.866), ("growing to the rim", 0.667), ("at the rim", 0.296)])
+def test_a_projection_tells_its_shift_at_60_degrees(picture: Scene, way: str, share: float) -> None:
+    term = next(t for t in terms_of(BY_ID["projection-error"], picture) if t.branch.label == way)
+    told = term.mechanism.report(np.array([-3.0]), np.array([0.5]), term)["shift_at_60_deg"]
+    assert (told["value"], told["uncertainty"]) == pytest.approx((-3.0 * share, 0.5 * share), rel=2e-3)
 
 
 def test_a_late_camera_sees_the_glow_moved(picture: Scene) -> None:
