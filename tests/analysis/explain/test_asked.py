@@ -208,24 +208,26 @@ def test_a_cloud_that_repeats_do_not_show_is_asked_for_more(arm: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "together", "told"),
+    ("first", "second", "third", "together", "told"),
     [
-        (40.0, 35.0, 75.0, True),
-        (40.0, 35.0, 60.0, False),  # not enough for so wrong a lens
-        (40.0, 60.0, 70.0, False),  # the one gains too little beside the other
+        (40.0, 35.0, 30.0, 75.0, True),
+        (40.0, 35.0, 30.0, 60.0, False),  # not enough for so wrong a lens
+        (40.0, 60.0, 30.0, 70.0, False),  # the one gains too little beside the other
+        (40.0, 35.0, 76.0, 75.0, False),  # another does as well alone
     ],
 )
 def test_two_that_gain_too_little_alone_may_be_told_together(
-    arm: Scene, monkeypatch: pytest.MonkeyPatch, first: float, second: float, together: float, told: bool
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, first: float, second: float, third: float, together: float, told: bool
 ) -> None:
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
-    singles = [hypothesis(arm, first, "saturation"), hypothesis(arm, second, "cosine-response")]
+    names = {"saturation": first, "cosine-response": second, "lens-haze": third}
+    singles = [hypothesis(arm, gain, name) for name, gain in names.items()]
     both = hypothesis(arm, together, "saturation", "cosine-response")
     for h in (*singles, both):
         h.fit.hyper = Hyper(2.0, 1.0, 2.5)
     monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: (together - base.evidence, both))
     found = Conclusion(nothing, nothing, singles)
-    assert all(asked.first(h, found, 1.0) > h.evidence for h in singles)
+    assert all(asked.first(h, found, 1.0) > h.evidence for h in singles[:2])
     _name_two_together(search, found, 1.0)
     assert found.best.ids == (both.ids if told else ())
 
