@@ -14,7 +14,7 @@ from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import Branch
+from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.retrace import Path
@@ -159,6 +159,29 @@ def test_a_sun_without_any_disc_is_never_named_and_no_rival(arm: Scene) -> None:
     assert found.probability["gamma-offset"] > 0.94
     on_another_lens(Conclusion(sun, nothing, []), of_case=True)
     assert asked.first(sun, found, 1.0) < NAME_FIRST_FAR
+
+
+@pytest.mark.parametrize(("change", "never"), [(0.40, False), (-0.40, False), (0.54, True), (-0.5, True)])
+def test_no_diffuse_illuminance_is_wrong_by_half(arm: Scene, change: float, never: bool) -> None:
+    split = hypothesis(arm, 475.0, "sky-sun-ratio")
+    split.fit.theta = np.array([change])
+    found = Conclusion(split, hypothesis(arm, 0.0), [split])
+    assert (asked.first(split, found, 1.0) == NEVER) == never
+
+
+@pytest.mark.parametrize("first", ["lens-orientation", "lens-anisotropy"])
+def test_a_pattern_that_was_not_known_does_not_lie_wrongly(arm: Scene, first: str) -> None:
+    """Either of the two may stand beside anything else."""
+    lens = {m: Term(BY_ID[m], Branch(), BY_ID[m].parameters) for m in ("lens-orientation", "lens-anisotropy")}
+    base, other = hypothesis(arm, 1000.0), hypothesis(arm, 1000.0, "gamma-offset")
+    base.fit.terms = (lens.pop(first),)
+    (new,) = lens
+    found = Conclusion(base, hypothesis(arm, 0.0), [base])
+    for before, never in ((base, True), (other, False)):
+        both = hypothesis(arm, 1100.0)
+        both.fit.terms = (*before.fit.terms, lens[new])
+        both.fit.theta = np.zeros(len(both.fit.parameters))
+        assert (asked.beside(both, before, found, new, random=False) == NEVER) == never
 
 
 @pytest.mark.parametrize(("lens", "least"), [(0.5, NAME_FIRST_BELOW), (1.0, NAME_FIRST_LENS)])

@@ -22,7 +22,9 @@ from analysis.explain.verdict import decide
 
 def hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
     terms = tuple(terms_of(BY_ID[name], scene)[0] for name in ids)
-    return Hypothesis(Fit(terms, np.zeros(0), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain)
+    return Hypothesis(
+        Fit(terms, np.zeros(sum(len(t.parameters) for t in terms)), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain
+    )
 
 
 def law(scene: Scene, gain: float) -> Unnamed:
