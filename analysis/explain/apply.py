@@ -13,7 +13,7 @@ from analysis.explain.answer import FORMAT, records_with
 from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import in_its_state, terms_of
-from analysis.explain.mechanisms.well import BounceTruncation, WallScatter
+from analysis.explain.mechanisms.well import LIKE_LIMIT, BounceTruncation, WallScatter
 from analysis.explain.noise import USUAL
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Retraced, Simulator
@@ -134,10 +134,10 @@ def _usual(readings: Readings) -> Floats:
 def _known_here(entry: dict[str, Any], scene: Scene) -> dict[str, Any]:
     """What a variant showed in its own words, in those of our own simulation, where this case brings no variant.
 
-    Of a limit of bounces the variant had none: so much of its change is what the limit cut off that this case states.
-    A share that walls scatter is one by any name.
+    Of a limit of bounces the variant had none: so much of its change is what the limit cut off that this case states,
+    or, where none is stated, that by which as much would be missing. A share that walls scatter is one by any name.
     """
-    limit = scene.readings.case.setup.simulation.max_bounces
+    limit = scene.readings.case.setup.simulation.max_bounces or entry["facts"].get(LIKE_LIMIT, 0)
     brought = scene.retraced is not None and entry["id"] in scene.retraced.case_paths
     only = "".join(f", {name} only" for name in entry.get("only", []))
     if brought or not entry["way"].startswith(OF_CASE):

@@ -5,12 +5,16 @@ from typing import Final
 
 import numpy as np
 
+from analysis.cases.model import Floats
+from analysis.explain.fields import solid_angle
 from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 
+LIKE_LIMIT: Final = "like_max_bounces"
+"""The fact of a way that tells by which limit a simulation would lack as much."""
 _MOST: Final = 50.0
 """Beyond this the sun's light was none there, and a ratio to it tells nothing."""
 
@@ -49,6 +53,36 @@ class BounceTruncation(Retraced):
         if scene.retraced is not None and self.id in scene.retraced.has:
             return "no light is missing: another limit of bounces changes nothing, by the case's own variants"
         return super().why_not(scene)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """A variant that tells no limit of the prediction's has that with it by which as much would be missing.
+
+        So that what it shows can be simulated for another case, which brings no variant.
+        """
+        ways = super().branches(scene)
+        own = [b.value for b in ways if b.value.added and not b.value.of_case]
+        if not own or scene.readings.case.setup.simulation.max_bounces:
+            return ways
+        return tuple(
+            replace(b, facts={LIKE_LIMIT: _like_limit(scene, b.value, own[0])})
+            if b.value.of_case and b.value.parameter.name == "weight"
+            else b
+            for b in ways
+        )
+
+
+def _like_limit(scene: Scene, variant: Path, own: Path) -> float:
+    """The limit of bounces by which ours lacks as large a share of each test's flux as the variant adds."""
+    fields, weight = scene.fields, solid_angle()
+
+    def flux(light: Floats) -> Floats:
+        return np.asarray(np.sum(light * weight, axis=(-2, -1)))
+
+    there = np.maximum(flux(fields.sun + fields.sky), 1e-12)
+    sun, sky = variant.change(float(variant.positions[-1]), fields)
+    adds = flux(sun + sky) / there - 1.0
+    lacks = flux(own.sun + own.sky) / there
+    return float(own.positions[np.argmin(np.sum((lacks - adds)[:, np.abs(adds) > 1e-3] ** 2, axis=1))])
 
 
 class WallScatter(Retraced):

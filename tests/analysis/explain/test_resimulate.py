@@ -360,6 +360,33 @@ def test_a_limit_that_a_variant_showed_is_simulated_where_the_case_has_none(
     assert np.max(found / case.records.simulated) > 1.1
     with pytest.raises(DataError, match="has no such way"):
         apply_model(shown, simulated.case, simulated)
+    like = model("bounce-truncation", "case's variant max_bounces = 60", ["weight"], [0.9], only, like_max_bounces=3.0)
+    assert columns(apply_model(like, simulated.case, simulated), "corrected")[0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("limit", [2.0, 4.0, 8.0])
+def test_a_variant_tells_by_which_limit_as_much_would_be_missing(scene: Scene, made: Retracings, limit: float) -> None:
+    """With rays of its own, a tenth of what it adds elsewhere, and where the prediction's limit is not told."""
+    own, fields = _path(made, "bounce-truncation", "own re-simulation"), scene.fields
+    k = int(np.flatnonzero(own.positions == limit)[0])
+    one, weight = np.ones_like(fields.sun), Parameter("weight", "1", "", 0.0, 1.5, 0.2, (1.0,), centre=1.0)
+    sun, sky = (
+        1.0 + (0.9 * lost + 0.1 * lost.mean()) / np.maximum(light, 1e-9)
+        for lost, light in ((own.sun[k], fields.sun), (own.sky[k], fields.sky))
+    )
+    shown = Path(
+        "case's variant max_bounces = 60",
+        weight,
+        np.array([0.0, 1.0]),
+        np.stack([one, sun]),
+        np.stack([one, sky]),
+        of_case=True,
+    )
+    assert scene.retraced is not None
+    brought = replace(scene, retraced=replace(scene.retraced, case_paths={"bounce-truncation": (shown,)}))
+    (way,) = [t for t in terms_of(BY_ID["bounce-truncation"], brought) if t.branch.of_case]
+    assert way.branch.facts == {"like_max_bounces": limit}
+    assert all(not t.branch.facts for t in terms_of(BY_ID["bounce-truncation"], scene))
 
 
 def test_a_share_that_walls_scatter_is_one_by_the_variant_s_name_too(simulated: OwnSimulation) -> None:
