@@ -248,13 +248,14 @@ def test_what_it_cannot_do_is_said_at_once() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("name", ["top", "box", "tube"])
-def test_whole_systems_agree(name: str) -> None:
+@pytest.mark.parametrize(("name", "most"), [("top", 0.05), ("box", 0.1), ("tube", 0.05)])
+def test_whole_systems_agree(name: str, most: float) -> None:
     """All three systems with their prismatic lenses (tensor trees of 3.6 degrees) under the Greenwood tests' skies.
 
     Sky part: flux within 0.5 %; the trees' cells broaden what is near grazing, which leaves 4 % rms of the directions
     besides the statistics of both. Sun part: a tree takes the sun for a cell of directions, whose transmittance is
     off by up to 5 % for suns above 30 degrees; direction by direction it blurs the sun's images, so only flux is held.
+    The stated uncertainties include what the cells may cost: most, where light passes two trees.
     """
     gamma, c = np.arange(2.5, 90.0, 5.0), np.arange(0.0, 360.1, 22.5)
     weight = np.sin(np.radians(gamma))
@@ -273,7 +274,7 @@ def test_whole_systems_agree(name: str) -> None:
         bright = a > 0.1 * a.max()
         rms, stated = (float(np.sqrt(np.mean((x[bright] / a[bright]) ** 2))) for x in (b - a, e))
         assert rms < math.hypot(1.2 * stated, 0.04), altitude
-        assert stated < 0.05
+        assert stated < most, altitude
 
 
 @pytest.mark.slow
