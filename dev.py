@@ -68,8 +68,7 @@ def main() -> None:
         paths = [word if word.startswith("-") else str(Path(word).absolute()) for word in rest[1:]]
         run(programs / "python", "benchmarks/explain_findings.py", *rest[:1], *paths)
     elif what == "slow":
-        # the longest takes ten minutes of one core: the tests' own limit is for what everybody waits for
-        run(programs / "pytest", "-m", "slow", "--timeout=2400", *rest)
+        run(programs / "pytest", "-m", "slow", *rest)
     else:
         check(programs)
         # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
