@@ -5,6 +5,7 @@ traced once more with exactly the settings found, all of them together, and the 
 agree with the recording alike, the found physics does in a simulation what the fit says.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +49,16 @@ _ROOM_C = np.arange(0.0, 360.0, 22.5)
 
 
 @dataclass(frozen=True)
+class Set:
+    """A setting that was found, of one system or of all (``None``); ``supposed`` are those that it was found beside."""
+
+    system: str | None
+    name: str
+    value: float
+    supposed: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Again:
     """A simulation with the found physics in it.
 
@@ -78,9 +89,9 @@ def simulated_again(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Aga
 
 def _sorted_out(
     scene: Scene, terms: tuple[Term, ...], theta: Floats
-) -> tuple[list[tuple[str | None, str, float]], list[Term], list[Floats], list[str]]:
-    """Settings to trace (system or all, setting, value); terms that stay, with their parameters; ids simulated."""
-    settings: list[tuple[str | None, str, float]] = []
+) -> tuple[list[Set], list[Term], list[Floats], list[str]]:
+    """Settings to trace; terms that stay, with their parameters; ids simulated."""
+    settings: list[Set] = []
     kept, values, ids, start = [], [], [], 0
     for term in terms:
         p = theta[start : start + len(term.parameters)]
@@ -89,7 +100,8 @@ def _sorted_out(
         if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and isinstance(term.branch.value, Path | None):
             everywhere = term.mechanism.id in _OF_ALL
             system = None if everywhere else _system_in(scene, term.branch.label)
-            settings.append((system, *_setting(name, float(p[0]), term.branch.label)))
+            supposed = term.branch.value.supposed if term.branch.value is not None else {}
+            settings.append(Set(system, *_setting(name, float(p[0]), term.branch.label), supposed))
             ids.append(term.mechanism.id)
             if term.mechanism.id == ClockOffset.id:
                 kept.append(replace(term, branch=replace(term.branch, value=HOUR)))
@@ -118,7 +130,7 @@ def _system_in(scene: Scene, label: str) -> str | None:
     return next((n for n in names if label == n or label.endswith(f", {n} only")), None)
 
 
-def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tuple[Floats, Floats] | None:
+def _traced(scene: Scene, settings: list[Set]) -> tuple[Floats, Floats] | None:
     """Ratio (T, P, G) of both parts with the settings to the baseline; ``None`` where a system is not described."""
     case = scene.readings.case
     if scene.retraced is None or scene.retraced.simulator is None:
@@ -126,7 +138,8 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
     systems = scene.retraced.simulator.traced_systems()
     sun, sky = (np.ones((len(case.tests), len(C_DEG), len(GAMMA_DEG))) for _ in range(2))
     for name in {t.system for t in case.tests if t.system}:
-        mine = {key: value for of, key, value in settings if of in (None, name)}
+        here = [s for s in settings if s.system in (None, name)]
+        mine, given = {s.name: s.value for s in here}, {k: v for s in here for k, v in s.supposed.items()}
         if not mine:
             continue
         tests = [k for k, t in enumerate(case.tests) if t.system == name and t.sun_altitude_deg is not None]
@@ -152,7 +165,7 @@ def _traced(scene: Scene, settings: list[tuple[str | None, str, float]]) -> tupl
             return made.near if case.setup.simulation.field == "near" else made.far
 
         try:
-            old, new = run(0.0, {}), run(minutes, mine)
+            old, new = run(0.0, given), run(minutes, given | mine)
         except ConfigError:
             return None  # the fit went where no skylight can
         as_seen = systems[name].spread

@@ -26,6 +26,8 @@ class Path:
         Whether the case brings it: its lens is the prediction's own, not one that is like it.
     held
         Other settings that were changed with it, and stay as they were simulated.
+    supposed
+        Settings of the system in both simulations, with the change and without.
     """
 
     label: str
@@ -37,6 +39,7 @@ class Path:
     added: bool = False
     of_case: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
+    supposed: Mapping[str, float] = field(default_factory=dict)
 
     def change(self, at: float, base: Fields) -> tuple[Floats, Floats]:
         """Fields (T, P, G) of both parts at setting ``at`` (extrapolated beyond the ends)."""

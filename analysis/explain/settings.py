@@ -140,7 +140,8 @@ def _dirt(traced: Tracing) -> Iterator[Path]:
     if any(system.rise_m > 0.0 for system in traced.systems.values()):
         lit = {_lost(depth): traced.lit((("soiling", depth), FLAT), (("soiling", depth),)) for depth in DEPTHS}
         clean = traced.lit((FLAT,))
-        yield from _through(traced, "dirt on flat covers, traced", loss, lit, 0.0, clean, geometric=True)
+        for path in _through(traced, "dirt on flat covers, traced", loss, lit, 0.0, clean, geometric=True):
+            yield dataclasses.replace(path, supposed=dict((FLAT,)))
 
 
 def _lost(depth: float) -> float:

@@ -156,6 +156,20 @@ def test_dirt_on_a_flat_cover_takes_as_much_of_a_beam_everywhere(simulated: OwnS
     assert others == {name for name, like in made.systems.items() if like.system.rise_m > 0.0} != set()
 
 
+def test_what_was_found_on_flat_covers_is_simulated_again_on_them(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(again, "RAYS", 20_000)
+    deviates = {}
+    for way in ("dirt on flat covers, traced", "dirt, traced"):
+        told, loss = (term(scene, "soiling", way),), np.array([1.0 - np.exp(-0.6)])
+        found = again.simulated_again(scene, told, loss)
+        assert found is not None and found.ids == ("soiling",)
+        flat = predict(scene, (term(scene, "soiling", "dirt on flat covers, traced"),), loss)
+        deviates[way] = float(np.sqrt(np.mean(np.log(found.predicted / flat) ** 2)))
+    assert deviates["dirt on flat covers, traced"] < 0.5 * deviates["dirt, traced"], deviates
+
+
 def test_darker_walls_take_light(made: Retracings) -> None:
     path = _path(made, "wall-reflectance", "all systems alike")
     flux = path.sky.mean(axis=(2, 3))  # (settings, tests)
@@ -366,7 +380,7 @@ def test_a_limit_that_a_variant_showed_is_simulated_where_the_case_has_none(
 
 @pytest.mark.parametrize("limit", [2.0, 4.0, 8.0])
 def test_a_variant_tells_by_which_limit_as_much_would_be_missing(scene: Scene, made: Retracings, limit: float) -> None:
-    """With rays of its own, a tenth of what it adds elsewhere, and where the prediction's limit is not told."""
+    """A tenth of it elsewhere than ours has it, and where the prediction's limit is not told."""
     own, fields = _path(made, "bounce-truncation", "own re-simulation"), scene.fields
     k = int(np.flatnonzero(own.positions == limit)[0])
     one, weight = np.ones_like(fields.sun), Parameter("weight", "1", "", 0.0, 1.5, 0.2, (1.0,), centre=1.0)
