@@ -20,7 +20,7 @@ sky of 9,609 lx, 9,447 of them diffuse, has a beam when a fifth of these is not.
 
 
 _NO_METERS = 0.45
-"""Share by which no diffuse illuminance is wrong. (Of thirty splits by thirteen other authors the largest that was true
+"""Share by which no diffuse illuminance is wrong. (Of thirty splits by ten other authors the largest that was true
 is 0.40, told as 0.38; the two that were told as 0.54 and 0.57 were a clock and a haze.)"""
 
 _SHONE = 0.1
