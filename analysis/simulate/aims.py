@@ -72,7 +72,7 @@ def can_be_aimed(system: System, sampler: Sampler | None = None) -> bool:
 def can_be_followed_back(system: System, sampler: Sampler | None = None) -> bool:
     """Whether light passes as well backwards: our own sheets without haze under an open sky, no foreign samplers."""
     lenses = (system.entry, system.exit)
-    own = all(lens.kind != "bsdf" and lens.haze == 0.0 for lens in lenses)
+    own = all(lens.kind not in ("bsdf", "shift") and lens.haze == 0.0 for lens in lenses)
     return own and sampler is None and not system.obstructions
 
 

@@ -57,9 +57,9 @@ def changed(system: System, setting: Mapping[str, Any]) -> System:
 
 
 def lenses_of(system: System) -> tuple[str, ...]:
-    """Where a system has lenses: its prismatic sheets, or all its sheets if none of them is."""
+    """Where a system has lenses: its patterned sheets, or all its sheets if none of them is."""
     places = tuple(p for p in ("entry", "exit") if getattr(system, p).kind != "none")
-    if any(getattr(system, p).kind == "prismatic" for p in places):
+    if any(getattr(system, p).kind in ("prismatic", "shift") for p in places):
         return tuple(p for p in places if p in LENS_PLACES.get(system.kind, places))
     return places
 
@@ -68,7 +68,7 @@ def _plainest(system: System) -> System:
     """The simplest description of the same physics, so that what is alike is traced once."""
 
     def lens(this: Lens) -> Lens:
-        if this.kind == "bsdf":
+        if this.kind in ("bsdf", "shift"):
             return this
         if this.kind != "prismatic":
             return dataclasses.replace(this, orientation_deg=0.0, mirrored=False, isotropic=False)

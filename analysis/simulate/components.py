@@ -1,5 +1,6 @@
 """What a skylight is made of: sheets that light passes, walls, and the outline of well and cover."""
 
+import math
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
@@ -14,13 +15,13 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 @dataclass(frozen=True, config=STRICT)
 class Lens:
-    """A sheet that light passes: nothing, a clear slab, a prismatic sheet, a perfect diffuser, or what a file says.
+    """A sheet that light passes: nothing, a clear slab, a prismatic sheet, a diffuser, what a file or a density says.
 
     Attributes
     ----------
     kind
         ``none``, ``clear`` (thin slab, straight through), ``prismatic`` (square pyramids on one side), ``diffusing``,
-        ``bsdf`` (a file).
+        ``bsdf`` (a file), ``shift`` (differences of direction cosines).
     refractive_index, thickness_mm, absorption_per_mm
         Of the solid; absorption is the natural-logarithm coefficient [1/mm].
     pitch_mm, slope_deg, blur_deg
@@ -45,9 +46,12 @@ class Lens:
         LBNL BSDF file (Klems matrix or tensor tree); a relative name counts from the folder of the system's file, else
         from where the program runs. With orientation 0 and the front up, the file's x is east and its y south; with the
         front down y is north. What the file does not describe is black.
+    shifts
+        Of kind ``shift``: shares of the light whose tangential direction cosines change by so much, on the cells of
+        `analysis.simulate.lens_shift`, x outermost; on any scale.
     """
 
-    kind: Literal["none", "clear", "prismatic", "diffusing", "bsdf"] = "prismatic"
+    kind: Literal["none", "clear", "prismatic", "diffusing", "bsdf", "shift"] = "prismatic"
     refractive_index: Annotated[float, Field(ge=1.0, le=3.0)] = 1.491
     thickness_mm: Positive = 3.0
     absorption_per_mm: NotNegative = 0.03
@@ -63,14 +67,22 @@ class Lens:
     transmittance: Share = 0.6
     reflectance: Share = 0.3
     bsdf: str = ""
+    shifts: tuple[float, ...] = ()
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> Self:
         if (self.kind == "bsdf") != bool(self.bsdf):
             raise ValueError("a lens of kind bsdf names its file in bsdf, and no other kind does")
+        if (self.kind == "shift") != _is_density(self.shifts):
+            raise ValueError("a lens of kind shift, and no other kind, has shares of a square of cells in shifts")
         if self.kind == "diffusing" and self.transmittance + self.reflectance > 1.0:
             raise ValueError("transmittance and reflectance of a diffusing sheet add to more than 1")
         return self
+
+
+def _is_density(shifts: tuple[float, ...]) -> bool:
+    """Whether numbers can be shares of the cells of a square."""
+    return math.isqrt(len(shifts)) ** 2 == len(shifts) and min(shifts, default=-1.0) >= 0.0 and sum(shifts) > 0.0
 
 
 @dataclass(frozen=True, config=STRICT)

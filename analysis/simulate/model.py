@@ -23,6 +23,7 @@ from analysis.simulate.lens import (
     tables,
 )
 from analysis.simulate.lens_file import WIDE_HALF, file_sampler, file_tables, weight_units, wide_nodes
+from analysis.simulate.lens_shift import SHIFT_HALF, shift_samples, shift_tables
 from analysis.simulate.obstruction import rows
 from analysis.simulate.system import System
 
@@ -32,7 +33,11 @@ LEAST_RING: Final = 2048
 MOST_RING: Final = 65_536
 """Samples at each azimuth of a ring."""
 
-_KINDS = {"none": k.NONE, "clear": k.CLEAR, "prismatic": k.TABLE, "diffusing": k.DIFFUSING, "bsdf": k.TABLE}
+_WIDE: Final = ("bsdf", "shift")
+"""Kinds of lenses whose tables have no symmetry."""
+_KINDS: Final = {"none": k.NONE, "clear": k.CLEAR, "diffusing": k.DIFFUSING} | dict.fromkeys(
+    ("prismatic", *_WIDE), k.TABLE
+)
 
 
 def skylight(
@@ -46,8 +51,9 @@ def skylight(
     def scatter(lens: Lens) -> tuple[Table, Table]:
         if lens.kind == "prismatic" and not prismatic_tables:
             return _no_table(), _no_table()
-        return _lens_tables(lens, samples, sampler)
+        return _lens_tables(lens, samples, sampler, half)
 
+    half = wide_half(system)
     above, below = scatter(system.entry)
     under, _ = scatter(system.exit)
     return k.Skylight(
@@ -55,13 +61,13 @@ def skylight(
         facets=facets(system),
         well=_wall(system.wall),
         boot=_wall(system.boot),
-        entry=_lens(system.entry),
-        exit=_lens(system.exit),
+        entry=_lens(system.entry, half),
+        exit=_lens(system.exit, half),
         above=above,
         below=below,
         under=under,
         nodes=np.ascontiguousarray(nodes(HALF)[:, :2]),
-        wide=np.ascontiguousarray(wide_nodes(WIDE_HALF)[:, :2]),
+        wide=np.ascontiguousarray(wide_nodes(half)[:, :2]),
         exact=False,
         spots=np.zeros((1, 2)),
         ring=_no_table(),
@@ -88,6 +94,8 @@ def for_sun(
     units = WEIGHT_UNITS
     if system.entry.kind == "bsdf":
         sampler, units = file_sampler(system.entry), weight_units(system.entry)
+    if system.entry.kind == "shift":
+        sampler = shift_samples
     table = sun_table(system.entry, spots, samples, sampler, units)
     return ready._replace(above=in_parts(table), exact=True, spots=np.ascontiguousarray(spots[:, :2]))
 
@@ -159,7 +167,12 @@ def _wall(wall: Wall) -> tuple[float, float, float]:
     return wall.reflectance, wall.lambertian, math.radians(wall.scatter_deg)
 
 
-def _lens(lens: Lens) -> tuple[float, ...]:
+def wide_half(system: System) -> int:
+    """Grid steps from the middle to the edge of the tables without symmetry: of files as many as they need."""
+    return WIDE_HALF if "bsdf" in (system.entry.kind, system.exit.kind) else SHIFT_HALF
+
+
+def _lens(lens: Lens, half: int) -> tuple[float, ...]:
     turn = math.radians(lens.orientation_deg)
     row = (
         _KINDS[lens.kind],
@@ -173,8 +186,8 @@ def _lens(lens: Lens) -> tuple[float, ...]:
         lens.absorption_per_mm * lens.thickness_mm,
         lens.transmittance,
         lens.reflectance,
-        WIDE_HALF if lens.kind == "bsdf" else HALF,
-        lens.kind == "bsdf",
+        half if lens.kind in _WIDE else HALF,
+        lens.kind in _WIDE,
         1.0 / (weight_units(lens) if lens.kind == "bsdf" else WEIGHT_UNITS),
     )
     return tuple(float(value) for value in row)
@@ -185,10 +198,12 @@ def _no_table() -> Table:
     return np.zeros((PARTS, 1, 1, 3), dtype=np.int16)
 
 
-def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None) -> tuple[Table, Table]:
+def _lens_tables(lens: Lens, samples: int, sampler: Sampler | None, half: int) -> tuple[Table, Table]:
     """For light from above and for light from below."""
     if lens.kind == "bsdf":
         return file_tables(lens, samples)
+    if lens.kind == "shift":
+        return shift_tables(lens, samples, half)
     if lens.kind != "prismatic":
         return _no_table(), _no_table()
     made = tables(lens, samples, sampler=sampler)

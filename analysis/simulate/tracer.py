@@ -136,7 +136,7 @@ def _jobs(
     if source.mode == k.SKY:
         return [(ready, source)]
     disc = use.sun_samples > 0 and not np.any(source.suns[:, 4])
-    exact = disc and system.entry.kind in ("prismatic", "bsdf") and ready.geometry[k.COVER] != k.DOME
+    exact = disc and system.entry.kind in ("prismatic", "bsdf", "shift") and ready.geometry[k.COVER] != k.DOME
     ring = disc and system.entry.kind in ("none", "clear") and system.exit.kind == "prismatic"
     jobs = []
     for row, flux in zip(source.suns, np.diag(source.flux), strict=True):

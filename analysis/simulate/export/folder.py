@@ -123,6 +123,8 @@ def _lens(lens: Lens) -> str:
         return f"a BSDF file, front {front}, turned by {lens.orientation_deg:g} degrees"
     if lens.kind == "diffusing":
         return f"diffusing, transmittance {lens.transmittance:g}, reflectance {lens.reflectance:g}"
+    if lens.kind == "shift":
+        return "a density of differences of direction cosines, which no file holds"
     solid = f"index {lens.refractive_index:g}, {lens.thickness_mm:g} mm, absorption {lens.absorption_per_mm:g}/mm"
     if lens.kind == "clear":
         return f"clear, {solid}"

@@ -72,6 +72,8 @@ def check(system: System) -> None:
         for name in ("haze", "soiling", "isotropic"):
             if lens.kind != "none" and getattr(lens, name):
                 problems.add(f"{place}.{name}", "has no counterpart")
+        if lens.kind == "shift":
+            problems.add(f"{place}.kind", "a density of shifts has no counterpart")
         if lens.kind == "bsdf" and lens.mirrored:
             problems.add(f"{place}.mirrored", "a file cannot be mirrored")
     walls = [("wall", system.wall)] + ([("boot", system.boot)] if system.boot_height_m > 0.0 else [])
