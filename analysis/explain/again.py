@@ -12,15 +12,16 @@ import numpy as np
 
 from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.lens_paths import SCATTERED
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.mechanisms.timing import HOUR, ClockOffset
+from analysis.explain.path_making import EVENED
 from analysis.explain.ratios import ratio
 from analysis.explain.retrace import Path
 from analysis.explain.roomlight import DarkRoom, inside
 from analysis.explain.scene import Light, Scene
-from analysis.explain.settings import EVENED
-from analysis.explain.trace_settings import HAZES, on_top
+from analysis.explain.trace_settings import FORWARDS, HAZES, on_top
 from analysis.explain.tracing import SHARP_SIDE, SUN_SAMPLES, daylight_of
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
@@ -119,6 +120,8 @@ def _setting(name: str, value: float, label: str) -> tuple[str, float]:
     """The simulator's setting and its value, for a parameter of a path."""
     if name == "loss":
         return SETTING_OF[name], -float(np.log1p(-value))
+    if name == "haze" and label.startswith(SCATTERED):
+        return FORWARDS, value
     places = [place for where, names in HAZES.items() if label.startswith(where) for place in names]
     return f"{places[0]}.haze" if name == "haze" and places else SETTING_OF[name], value
 

@@ -15,10 +15,11 @@ from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import in_its_state, terms_of
 from analysis.explain.mechanisms.well import LIKE_LIMIT, BounceTruncation, WallScatter
 from analysis.explain.noise import USUAL
+from analysis.explain.path_making import OWN
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.scene import Scene, scene_of
-from analysis.explain.settings import DIFFUSE_SHARE, OWN
+from analysis.explain.settings import DIFFUSE_SHARE
 from analysis.explain.shared_error import SharedError
 from analysis.explain.variants import OF_CASE
 from labdaq.errors import DataError

@@ -222,9 +222,9 @@ def of_another_lens(h: Hypothesis) -> bool:
 
 
 def traced(term: Term) -> bool:
-    """Whether a term is a change of the lens that we simulated again; what the case brings is of its own lens."""
+    """Whether a term is a change of the lens that we simulated again, on one that is not hardly unlike the case's."""
     path = term.branch.value
-    return term.mechanism.like_a_lens and isinstance(path, Path) and not path.of_case
+    return term.mechanism.like_a_lens and isinstance(path, Path) and not (path.of_case or path.alike)
 
 
 def of_optics(term: Term) -> bool:

@@ -23,6 +23,20 @@ OF_CASE = 0.15
 """Both shares, at most, of a change that the case's own variants show. (On another author's cases such changes of a
 lens were the true ones to 20 % rms: they correlated by .98, ours by .2 to .4.)"""
 
+ALIKE = 0.2
+"""The same of a change that was simulated on a lens which is hardly unlike the prediction's, where the lens decides."""
+_LENS_DECIDES = frozenset(
+    {
+        "circumsolar-aureole",
+        "lens-haze",
+        "lens-anisotropy",
+        "lens-orientation",
+        "wall-reflectance",
+        "bounce-truncation",
+        "clock-offset",
+    }
+)
+
 
 def form_error(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> tuple[Extra, ...]:
     """Random effects for what the forms of ``terms`` may have wrong at their parameters (P,); none without terms."""
@@ -68,7 +82,9 @@ def locally_wrong(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Float
 def _shares(scene: Scene, term: Term) -> tuple[float, float]:
     """By which shares the change that a term makes may be wrong, smoothly and locally."""
     shares = term.mechanism.form_error_in(scene), term.mechanism.local_error_in(scene, term.branch)
-    return (min(shares[0], OF_CASE), min(shares[1], OF_CASE)) if term.branch.of_case else shares
+    alike = term.branch.alike and term.mechanism.id in _LENS_DECIDES
+    most = OF_CASE if term.branch.of_case else ALIKE if alike else 1.0
+    return min(shares[0], most), min(shares[1], most)
 
 
 def _change(scene: Scene, terms: tuple[Term, ...], theta: Floats, k: int) -> Floats:

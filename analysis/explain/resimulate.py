@@ -1,7 +1,7 @@
 """Our own re-simulations of a case's systems: what each setting would have changed, as ratios to our own baseline."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,8 @@ from analysis.cases import Case
 from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import GAMMA_DEG, fields_of
 from analysis.explain.file_parts import readings_of
-from analysis.explain.likeness import Likened, Predicted, likened
+from analysis.explain.likeness import likened
+from analysis.explain.look import Likened, Predicted
 from analysis.explain.ratios import Field
 from analysis.explain.readings import GONIOMETER
 from analysis.explain.retrace import Path
@@ -77,7 +78,7 @@ class OwnSimulation:
         readings = readings_of(self.case, measured_only=False)
         split = self.only is None or not readings.has_parts
         return Retracings(
-            paths_of(traced, self.only),
+            _paths(traced, self.only, any(like.alike for like in alike.values())),
             traced.aureoles() if self._wants("circumsolar-aureole") else [],
             traced.near_over_far() if self._wants("near-field") else None,
             traced.sky_part(fields_of(readings).total) if split else None,
@@ -111,6 +112,11 @@ class OwnSimulation:
     def traced_systems(self) -> Mapping[str, Likened]:
         """See `analysis.explain.retrace.Simulator.traced_systems`."""
         return self.made.systems
+
+
+def _paths(traced: Tracing, only: Collection[str] | None, alike: bool) -> dict[str, tuple[Path, ...]]:
+    made = paths_of(traced, only)
+    return {key: tuple(replace(path, alike=alike) for path in paths) for key, paths in made.items()}
 
 
 def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, Likened]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import Fields
-from analysis.explain.likeness import Likened
+from analysis.explain.look import Likened
 from analysis.explain.parameter import Parameter
 
 
@@ -24,6 +24,8 @@ class Path:
         Ratio to the baseline at each position; where ``added``, the light [cd] that comes on top of it instead.
     of_case
         Whether the case brings it: its lens is the prediction's own, not one that is like it.
+    alike
+        Whether it was traced on a lens that is hardly unlike the prediction's (`Likened.alike`).
     held
         Other settings that were changed with it, and stay as they were simulated.
     supposed
@@ -38,6 +40,7 @@ class Path:
     geometric: bool = False
     added: bool = False
     of_case: bool = False
+    alike: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
     supposed: Mapping[str, float] = field(default_factory=dict)
 
@@ -119,6 +122,11 @@ class Retraced:
     idle: tuple[Path, ...] = ()
     has: frozenset[str] = frozenset()
     lacks: frozenset[str] = frozenset()
+
+    @property
+    def alike(self) -> bool:
+        """Whether what is traced has lenses that are hardly unlike the prediction's."""
+        return self.simulator is not None and any(x.alike for x in self.simulator.traced_systems().values())
 
     def of_case(self) -> Iterator[Path]:
         """All that the case's variants change, or do not."""

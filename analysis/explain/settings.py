@@ -4,52 +4,25 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 """
 
 import dataclasses
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
-from analysis.cases.model import Floats
+from analysis.explain.lens_paths import dirt, hazes, isotropy, turns
 from analysis.explain.parameter import Parameter
+from analysis.explain.path_making import EVENED_DEG, OWN, along, each, stacked, through
 from analysis.explain.ratios import Field, over
 from analysis.explain.retrace import Path, by_system
-from analysis.explain.trace_settings import (
-    ASLANT,
-    DEPTHS,
-    DIAGONAL,
-    DIFFUSE_SHARES,
-    FLAT,
-    HAZE,
-    HAZES,
-    ISOTROPIC,
-    SCATTERS_DEG,
-    TURNS_DEG,
-    Setting,
-    haze,
-    knows_no_pattern,
-)
-from analysis.explain.tracing import IMAGE_DEG, Tracing, later
-
-X = TypeVar("X")
+from analysis.explain.trace_settings import DIFFUSE_SHARES, SCATTERS_DEG
+from analysis.explain.tracing import Tracing, later
 
 LIMITS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 26)
 UNLIMITED: Final = 40.0
 """Where "no limit" stands on the scale of bounce limits; beyond it hardly any light is left."""
 REFLECTANCES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.015, 0.03, 0.05, 0.1)
-OWN: Final = "own re-simulation"
 DIFFUSE_SHARE: Final = "diffuse share"
-EVENED: Final = ", evened out"
-EVENED_DEG: Final = {IMAGE_DEG: "", 12.0: EVENED}
-"""Widths over which fields are blurred before their ratio is taken, and how a path says so: another lens throws its
-images elsewhere, so that what a setting does to an image is told only as far as images of both lenses overlap."""
-PATTERNS: Final[dict[str, Setting]] = {
-    "a pattern, not its mean": (),
-    "a pattern along the diagonals, not its mean": (DIAGONAL,),
-    **{f"a pattern turned by {turn[1]:.0f}°, not its mean": (turn,) for turn in ASLANT},
-}
 LEAST, MOST = 0.05, 0.998
 """Changes of a wall's reflectance that are tried, and between what it must stay."""
 MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
@@ -58,10 +31,10 @@ MINUTES: Final = (-60.0, -28.0, -9.0, 9.0, 28.0, 60.0)
 def paths_of(traced: Tracing, only: Collection[str] | None = None) -> dict[str, tuple[Path, ...]]:
     """Paths of settings of each mechanism, or of some ``only``; none where the case has no such setting."""
     makers: dict[str, Callable[[], Iterable[Path]]] = {
-        "lens-haze": lambda: _every(traced, _hazes(traced)),
-        "soiling": lambda: _every(traced, _dirt(traced)),
-        "lens-orientation": lambda: _every(traced, _turns(traced)),
-        "lens-anisotropy": lambda: _every(traced, _isotropy(traced)),
+        "lens-haze": lambda: _every(traced, hazes(traced)),
+        "soiling": lambda: _every(traced, dirt(traced)),
+        "lens-orientation": lambda: _every(traced, turns(traced)),
+        "lens-anisotropy": lambda: _every(traced, isotropy(traced)),
         "wall-scatter": lambda: _every(traced, _scatter(traced)),
         "wall-reflectance": lambda: _reflectances(traced),
         "bounce-truncation": lambda: _every(traced, _limits(traced)),
@@ -71,12 +44,6 @@ def paths_of(traced: Tracing, only: Collection[str] | None = None) -> dict[str, 
     return {key: paths for key, paths in made.items() if paths}
 
 
-def _each(work: Callable[[X], Field], items: Iterable[X]) -> list[Field]:
-    """``work`` of each item, on as many threads as there are cores."""
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        return list(pool.map(work, items))
-
-
 def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
     """Each path for all systems together, and for each system that it changes alone."""
     tests = {name: [k for k, _ in days] for name, days in traced.days.items()}
@@ -84,113 +51,11 @@ def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
         yield from by_system(path, tests)
 
 
-def _along(
-    traced: Tracing, label: str, parameter: Parameter, rows: dict[float, Setting], origin: float
-) -> Iterator[Path]:
-    yield from _through(traced, label, parameter, {at: traced.lit(settings) for at, settings in rows.items()}, origin)
-
-
-def _through(
-    traced: Tracing,
-    label: str,
-    parameter: Parameter,
-    lit: dict[float, Field],
-    origin: float,
-    base: Field | None = None,
-    *,
-    geometric: bool = False,
-) -> Iterator[Path]:
-    """The path through fields that were traced at its positions, over ``base``, at each of `EVENED_DEG`."""
-    one = np.ones_like(traced.base[0])
-    for width, note in EVENED_DEG.items():
-        over_base = _each(partial(traced.over_base, width_deg=width, base=base), lit.values())
-        ratios = dict(zip(lit, over_base, strict=True)) | {origin: (one, one)}
-        yield Path(label + note, parameter, *_stacked(ratios), geometric)
-
-
-def _turns(traced: Tracing) -> Iterator[Path]:
-    what = "turn of the lens patterns, counter-clockwise from above"
-    turn = Parameter("rotation_deg", "deg", what, 6.0, 84.0, 30.0, (8.0, 25.0, 45.0, 65.0, 82.0), centre=45.0)
-    for path in _along(traced, OWN, turn, {t: (("rotation_deg", t),) for t in TURNS_DEG}, 0.0):
-        one = np.ones_like(path.sun[:1])
-        yield dataclasses.replace(
-            path,
-            positions=np.append(path.positions, 90.0),
-            sun=np.concatenate([path.sun, one]),
-            sky=np.concatenate([path.sky, one]),
-        )
-
-
-def _hazes(traced: Tracing) -> Iterator[Path]:
-    what = "share of the transmitted light that is scattered widely"
-    for label, where in HAZES.items():
-        share = Parameter("haze", "1", what, 0.0, 0.6, 0.12, (0.02, 0.06, 0.2))
-        yield from _along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
-
-
-def _dirt(traced: Tracing) -> Iterator[Path]:
-    """Along the transmittance lost at normal incidence: on covers as described, and on flat ones if some are not flat.
-
-    (Another author's round panes let 22 % of a low sun's light pass and 76 % of the zenith's; supposed domes let pass
-    47 and 70 %, and the loss gained 56 nats instead of 415.)
-    """
-    loss = Parameter("loss", "1", "transmittance lost at normal incidence", 0.0, 0.8, 0.12, (0.04, 0.15, 0.45))
-    lit = {_lost(depth): traced.lit((("soiling", depth),)) for depth in DEPTHS}
-    yield from _through(traced, "dirt, traced", loss, lit, 0.0, geometric=True)
-    if any(system.rise_m > 0.0 for system in traced.systems.values()):
-        lit = {_lost(depth): traced.lit((("soiling", depth), FLAT), (("soiling", depth),)) for depth in DEPTHS}
-        clean = traced.lit((FLAT,))
-        for path in _through(traced, "dirt on flat covers, traced", loss, lit, 0.0, clean, geometric=True):
-            yield dataclasses.replace(path, supposed=dict((FLAT,)))
-
-
-def _lost(depth: float) -> float:
-    """Transmittance lost at normal incidence through dirt of an optical depth."""
-    return 1.0 - float(np.exp(-depth))
-
-
-def _isotropy(traced: Tracing) -> Iterator[Path]:
-    """From a simulation that knows no pattern to one that does; which of the two was predicted, `likeness` says.
-
-    A prediction without a pattern does not show how it lies, along the skylight's sides, along their diagonals or
-    aslant, nor how sharp it is. (Another author's top, whose pattern its prediction did not know, gained 9 nats without
-    the aslant ones, and 140 with them.)
-    """
-    weight = Parameter(
-        "weight",
-        "1",
-        "contrast of the pattern that the simulation had lost (1 = that of the lens that was traced)",
-        0.0,
-        4.0,
-        1.0,
-        (0.1, 0.4, 1.0, 3.0),
-    )
-    for label, turn in PATTERNS.items():
-        new, old = _pattern(traced, turn)
-        one = np.ones_like(old[0])
-        for width, note in EVENED_DEG.items():
-            sun, sky = over(traced.wide(new, width), traced.wide(old, width))
-            path = np.stack([one, sun]), np.stack([one, sky])
-            yield Path(label + note, weight, np.array([0.0, 1.0]), *path, geometric=True)
-
-
-def _pattern(traced: Tracing, turn: Setting) -> tuple[Field, Field]:
-    """Light with the pattern, turned so, and without any."""
-    other, turned = traced.lit((ISOTROPIC, *turn)), traced.lit(turn) if turn else traced.base
-    given = np.zeros((len(traced.case.tests), 1, 1), dtype=bool)
-    given[[k for name, days in traced.days.items() if knows_no_pattern(traced.systems[name]) for k, _ in days]] = True
-
-    def of_each(blank: Field, known: Field) -> Field:
-        return np.where(given, blank[0], known[0]), np.where(given, blank[1], known[1])
-
-    return of_each(other, turned), of_each(traced.base, traced.lit((ISOTROPIC,)))
-
-
 def _scatter(traced: Tracing) -> Iterator[Path]:
     share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
-    yield from _along(traced, DIFFUSE_SHARE, share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
+    yield from along(traced, DIFFUSE_SHARE, share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
     width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
-    yield from _along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
+    yield from along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
 
 
 def _limits(traced: Tracing) -> Iterator[Path]:
@@ -209,11 +74,11 @@ def _limits(traced: Tracing) -> Iterator[Path]:
     stated = traced.case.setup.simulation.max_bounces
     if stated:
         limit_of = dataclasses.replace(limit_of, sigma=1.0, centre=float(min(stated, UNLIMITED)))
-    yield Path(OWN, limit_of, *_stacked(lacking | {UNLIMITED: (none, none)}), added=True)
+    yield Path(OWN, limit_of, *stacked(lacking | {UNLIMITED: (none, none)}), added=True)
     for width, note in EVENED_DEG.items():
-        over_cut = _each(partial(_over, traced, width, traced.wide(whole, width)), cuts.values())
+        over_cut = each(partial(_over, traced, width, traced.wide(whole, width)), cuts.values())
         ratios = dict(zip(cuts, over_cut, strict=True)) | {UNLIMITED: (one, one)}
-        yield Path(f"ratio to what was left{note}", limit_of, *_stacked(ratios))
+        yield Path(f"ratio to what was left{note}", limit_of, *stacked(ratios))
 
 
 def _over(traced: Tracing, width_deg: float, most: Field, cut: Field) -> Field:
@@ -224,12 +89,6 @@ def _first(count: int | None, by_bounce: Field) -> Field:
     """Both parts of what bounced less than ``count`` times."""
     sun, sky = by_bounce
     return sun[:count].sum(axis=0), sky[:count].sum(axis=0)
-
-
-def _stacked(fields: Mapping[float, Field]) -> tuple[Floats, Floats, Floats]:
-    """Positions in order, and the fields of both parts at them."""
-    at = np.array(sorted(fields))
-    return at, np.stack([fields[a][0] for a in at]), np.stack([fields[a][1] for a in at])
 
 
 def _reflectances(traced: Tracing) -> Iterator[Path]:
@@ -265,19 +124,19 @@ def _weighed(factor: float, by_bounce: Field) -> Field:
 def _among(traced: Tracing, label: str, parameter: Parameter, lit: dict[float, Field]) -> Iterator[Path]:
     """The path through fields of one run, as ratios to the one at the parameter's centre."""
     for width, note in EVENED_DEG.items():
-        blurred = dict(zip(lit, _each(partial(traced.wide, width_deg=width), lit.values()), strict=True))
+        blurred = dict(zip(lit, each(partial(traced.wide, width_deg=width), lit.values()), strict=True))
         over_base = {at: over(field, blurred[parameter.centre]) for at, field in blurred.items()}
-        yield Path(label + note, parameter, *_stacked(over_base), geometric=True)
+        yield Path(label + note, parameter, *stacked(over_base), geometric=True)
 
 
 def _clock(traced: Tracing) -> Iterator[Path]:
     """The sun earlier or later than the recorded times say, the illuminances as measured."""
     if traced.case.setup.site is None or any(t.start is None for t in traced.case.tests):
         return
-    lit = dict(zip(MINUTES, _each(partial(_later, traced), MINUTES), strict=True))
+    lit = dict(zip(MINUTES, each(partial(_later, traced), MINUTES), strict=True))
     starts = (-60.0, -30.0, -10.0, 10.0, 30.0, 60.0)
     late = Parameter("offset_min", "min", "true time minus recorded time", -65.0, 65.0, 15.0, starts)
-    yield from _through(traced, OWN, late, lit, 0.0)
+    yield from through(traced, OWN, late, lit, 0.0)
 
 
 def _later(traced: Tracing, minutes: float) -> Field:

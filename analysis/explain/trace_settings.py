@@ -3,12 +3,26 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
 from analysis.simulate.changes import lenses_of
+from analysis.simulate.lens_shift import SIDE, cells
 from analysis.simulate.system import System
 
 Setting = tuple[tuple[str, float | str], ...]
 
 TURNS_DEG: Final = (9.0, 27.0, 45.0, 63.0, 81.0)
+"""Turns of a pattern that is itself after a quarter turn;"""
+ANY_TURNS_DEG: Final = (-90.0, -54.0, -27.0, -9.0, 9.0, 27.0, 54.0, 90.0)
+"""and of one that is not, beside half a turn and its mirror image."""
+HALF_TURN: Final = ("rotation_deg", 180.0)
+MIRRORED: Final = ("mirrored", True)
+"""East and west exchanged; with half a turn, north and south."""
+FORWARDS: Final = "forward_haze"
+"""Haze of lenses that are densities of shifts: so wide about where the lens sends the light, not to all sides."""
+FORWARDS_WIDTH: Final = 0.4
+"""Its rms width in direction cosines."""
 ISOTROPIC: Final = ("isotropic", True)
 """Where the prediction knows no pattern, this setting has one (`on_top`)."""
 DIAGONAL: Final = ("rotation_deg", 45.0)
@@ -28,9 +42,9 @@ FLAT: Final = ("rise_m", 0.0)
 
 SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
     "circumsolar-aureole": ("aureole_deg",),
-    "lens-haze": ("haze",),
+    "lens-haze": ("haze", FORWARDS),
     "soiling": ("soiling", FLAT[0]),
-    "lens-orientation": ("rotation_deg",),
+    "lens-orientation": ("rotation_deg", "mirrored"),
     "lens-anisotropy": ("isotropic", "rotation_deg"),
     "wall-scatter": ("diffuse_fraction", "scatter_deg"),
 }
@@ -47,6 +61,23 @@ def knows_no_pattern(system: System) -> bool:
     return any(getattr(system, place).isotropic for place in lenses_of(system))
 
 
+def any_pattern(system: System) -> bool:
+    """Whether the system's lenses are densities of shifts that have a pattern, and nothing says that it is square."""
+    return any(not getattr(system, place).isotropic for place in densities(system))
+
+
+def densities(system: System) -> list[str]:
+    """Where a system has lenses that are densities of shifts."""
+    return [place for place in ("entry", "exit") if getattr(system, place).kind == "shift"]
+
+
+def _scattered(shifts: tuple[float, ...], share: float) -> tuple[float, ...]:
+    """A density of shifts of which a share is scattered about where it was."""
+    density = np.array(shifts).reshape(SIDE, SIDE)
+    wide = gaussian_filter(density, FORWARDS_WIDTH / (cells()[1] - cells()[0]), mode="constant")
+    return tuple(((1.0 - share) * density + share * wide).ravel().tolist())
+
+
 def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
     """A setting as a change of the system: haze (in all lenses, or those it names) comes on top of theirs.
 
@@ -55,6 +86,8 @@ def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
     rest = dict(setting)
     if "isotropic" in rest:
         rest["isotropic"] = not knows_no_pattern(system)
+    if (forwards := rest.pop(FORWARDS, None)) is not None:
+        rest |= {f"{p}.shifts": _scattered(getattr(system, p).shifts, forwards) for p in densities(system)}
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
     places = () if share is None else (chosen,) if chosen else lenses_of(system)
     for place in ("entry", "exit"):
@@ -74,7 +107,12 @@ def settings_of(system: System) -> list[Setting]:
         made += [(("soiling", depth),) for depth in DEPTHS]
         if system.rise_m > 0.0:
             made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
-    if "prismatic" in (system.entry.kind, system.exit.kind):
+    if densities(system):
+        made += [((FORWARDS, HAZE),)]
+    if any_pattern(system):
+        made += [(ISOTROPIC,), (HALF_TURN,), (MIRRORED,), (MIRRORED, HALF_TURN)]
+        made += [(("rotation_deg", t),) for t in ANY_TURNS_DEG]
+    elif "prismatic" in (system.entry.kind, system.exit.kind):
         made += [(ISOTROPIC,)]
         if knows_no_pattern(system):
             made += [(ISOTROPIC, turn) for turn in (DIAGONAL, *ASLANT)]

@@ -53,7 +53,8 @@ class CircumsolarAureole(Retraced):
         if scene.retraced is None or scene.retraced.aureole(_LEAST_WIDE_DEG) is None:
             own: tuple[Branch, ...] = (Branch("images spread", _SPREAD),)
         else:
-            own = (Branch("simulated again", _AGAIN), Branch("halfway to images spread", _HALFWAY))
+            like = scene.retraced.alike
+            own = (Branch("simulated again", _AGAIN, like=like), Branch("halfway to images spread", _HALFWAY))
         return (*super().branches(scene), *own)
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:

@@ -61,6 +61,8 @@ class Branch:
         Whether the change is hardly more than a blur at any parameters, as that of a lens simulated a little wrong.
     stands_in
         Whether it lets light go on as the sky's does, which stands for whatever else spreads the sun's light.
+    like
+        Whether it was simulated on a lens that is hardly unlike the prediction's, in another form than a path.
     sort
         What kind of way it is: the best of each kind is fitted again with what its form has wrong.
     """
@@ -71,12 +73,18 @@ class Branch:
     brought: bool = False
     blurs: bool = False
     stands_in: bool = False
+    like: bool = False
     sort: str = ""
 
     @property
     def of_case(self) -> bool:
         """Whether the case brings the change itself, as a variant of its own simulation."""
         return self.brought or (isinstance(self.value, Path) and self.value.of_case)
+
+    @property
+    def alike(self) -> bool:
+        """Whether it was simulated again on a lens that is hardly unlike the prediction's."""
+        return self.like or (isinstance(self.value, Path) and self.value.alike)
 
 
 Reported = dict[str, dict[str, float | str]]

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from analysis.cases.model import Floats
-from analysis.explain import likeness
+from analysis.explain import look
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import blurred
-from analysis.explain.likeness import Likened, Predicted, likened
+from analysis.explain.likeness import likened
+from analysis.explain.look import Likened, Predicted
 from analysis.explain.trace_settings import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
@@ -26,7 +27,7 @@ DISTANCE_M = 2.6
 @pytest.fixture(autouse=True)
 def quick_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lens tables that are made in a second, not in three."""
-    monkeypatch.setattr(likeness, "SAMPLES", 512)
+    monkeypatch.setattr(look, "SAMPLES", 512)
 
 
 def predicted(system: System, days: list[Daylight] = DAYS, seed: int = 5) -> Floats:
@@ -109,7 +110,7 @@ def test_haze_comes_on_top_of_the_haze_that_is_there() -> None:
 
 def test_directions_are_compared_whatever_their_scale() -> None:
     light = predicted(SYSTEMS["top"])
-    assert np.allclose(likeness._logs(light), likeness._logs(3.0 * light))
+    assert np.allclose(look._logs(light), look._logs(3.0 * light))
 
 
 def test_a_prediction_that_knew_no_pattern_is_recognised() -> None:
@@ -178,7 +179,7 @@ def test_a_turn_of_a_rough_lens_is_told_by_its_spread(monkeypatch: pytest.Monkey
         return float(np.corrcoef(turn(likeness_of(SYSTEMS["tube"], seen)).ravel(), true.ravel())[0, 1])
 
     told = alike()
-    monkeypatch.setattr(likeness, "SPREADS_DEG", (0.0,))
+    monkeypatch.setattr(look, "SPREADS_DEG", (0.0,))
     assert told > 0.9 and told > alike() + 0.1
 
 

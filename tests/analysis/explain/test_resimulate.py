@@ -18,11 +18,12 @@ from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
+from analysis.explain.path_making import EVENED, EVENED_DEG
 from analysis.explain.ratios import ratio
 from analysis.explain.resimulate import OwnSimulation, Retracings, simulator_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene, scene_of
-from analysis.explain.settings import EVENED, EVENED_DEG, UNLIMITED
+from analysis.explain.settings import UNLIMITED
 from analysis.explain.tracing import IMAGE_DEG, Tracing
 from labdaq.errors import DataError
 from tests.analysis.explain.campaign import TESTS, columns, make_case

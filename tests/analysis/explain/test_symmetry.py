@@ -8,7 +8,7 @@ import pytest
 from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import blurred
-from analysis.explain.likeness import Likened
+from analysis.explain.look import Likened
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.retrace import Retraced
 from analysis.explain.scene import Scene

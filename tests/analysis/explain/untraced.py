@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from analysis.cases.model import Floats
-from analysis.explain.likeness import Likened
+from analysis.explain.look import Likened
 from analysis.explain.retrace import Path
 
 

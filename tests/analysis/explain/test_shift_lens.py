@@ -1,0 +1,130 @@
+"""A prediction's lens as a density of shifts, where no prisms of one shape look like it."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from analysis.cases.model import Floats
+from analysis.explain import likeness
+from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.likeness import likened
+from analysis.explain.look import Look, Predicted, look_at
+from analysis.explain.shift_lens import patternless, shift_lens
+from analysis.explain.trace_settings import ANY_TURNS_DEG, any_pattern, densities, on_top, settings_of
+from analysis.simulate.components import Lens
+from analysis.simulate.daylight import daylight, sun_source
+from analysis.simulate.lens_shift import SIDE, cells
+from analysis.simulate.system import SYSTEMS, System
+from analysis.simulate.tracer import Settings, trace
+
+pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
+DAYS = [daylight(h, a, 80_000.0 * np.sin(np.radians(h)), 9_000.0, "perez") for h, a in ((28, 95), (44, 140), (63, 200))]
+
+
+def lobes(*shares: tuple[float, float, float]) -> Lens:
+    """A lens with a few lobes: share, and shift east and north."""
+    density = np.zeros((SIDE, SIDE))
+    for share, x, y in shares:
+        density[np.argmin(np.abs(cells() - x)), np.argmin(np.abs(cells() - y))] += share
+    return Lens(kind="shift", shifts=tuple(gaussian_filter(density, 2.5).ravel().tolist()))
+
+
+SKEWED = lobes((0.5, 0.34, 0.1), (0.3, -0.2, 0.3), (0.2, -0.1, -0.42))
+
+
+def system_with(kind: str, lens: Lens) -> System:
+    """A skylight as a case describes it, with somebody's lens."""
+    places = {"top": ("entry",), "box": ("entry", "exit"), "tube": ("exit",)}[kind]
+    return SYSTEMS[kind].with_settings({"rise_m": 0.0, "boot_height_m": 0.0}).replace(**dict.fromkeys(places, lens))
+
+
+def predicted(system: System, seed: int = 5) -> Floats:
+    """Somebody's sun part of each test, (T, P, G) [cd]."""
+    source = sun_source(DAYS)
+    assert source is not None
+    tally = trace(system, source, Settings(rays=30_000, samples=2_048, sun_samples=2_048, seed=seed))
+    return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None]).candela
+
+
+def shown(kind: str, seen: Floats) -> Look:
+    """What the prediction shows of a skylight that a case describes."""
+    given = Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")
+    with ThreadPoolExecutor(1) as tracers:
+        found = look_at(SYSTEMS[kind], given, tracers)
+    assert found is not None
+    return found
+
+
+def like(kind: str, seen: Floats) -> System:
+    """The skylight, likened to the prediction."""
+    return likened({"it": SYSTEMS[kind]}, {"it": Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")})["it"].system
+
+
+@pytest.mark.parametrize(("kind", "unlike"), [("top", 0.25), ("box", 0.55), ("tube", 0.2)])
+def test_unequal_lobes_are_found(kind: str, unlike: float) -> None:
+    """Whatever stands between the lens and the eye: a white well, mirrors on four sides, or a mirror all around."""
+    seen = shown(kind, predicted(system_with(kind, SKEWED)))
+    found, left = shift_lens(seen)
+    assert left < unlike and left == pytest.approx(seen.beside(seen.light(found)))
+    assert left < 0.65 * seen.beside(seen.light(system_with(kind, lobes((1.0, 0.0, 0.0)))))
+    assert left < 0.8 * seen.beside(seen.light(patternless(found)))
+
+
+def test_a_turn_of_unequal_lobes_is_told_by_the_density_and_not_by_prisms(monkeypatch: pytest.MonkeyPatch) -> None:
+    def turn(system: System) -> Floats:
+        turned = system.with_settings({"entry.orientation_deg": system.entry.orientation_deg + 12.0})
+        lit, bright = (predicted(of)[:, :, :30] for of in (turned, system))
+        floor = 0.02 * bright.max(axis=(1, 2), keepdims=True)
+        ratio = np.log((lit + floor) / (bright + floor))
+        return np.asarray(ratio - ratio.mean(axis=(1, 2), keepdims=True))
+
+    made = system_with("top", SKEWED)
+    seen, true = predicted(made), turn(made).ravel()
+    told = like("top", seen)
+    monkeypatch.setattr(likeness, "_shifted", lambda *_: {})
+    prisms = like("top", seen)
+    assert any_pattern(told) and not any_pattern(prisms)
+    by_density, by_prisms = (float(np.corrcoef(turn(s).ravel(), true)[0, 1]) for s in (told, prisms))
+    assert by_density > 0.6 and by_density > by_prisms + 0.3
+
+
+def test_prisms_are_kept_where_they_look_more_like_it() -> None:
+    steep = SYSTEMS["box"].with_settings({"entry.slope_deg": 36.0, "exit.slope_deg": 36.0})
+    assert not any_pattern(like("box", predicted(steep)))
+
+
+def test_a_density_without_a_pattern_is_none_that_could_be_turned() -> None:
+    even = system_with("top", lobes((1.0, 0.0, 0.0)))
+    assert not any_pattern(like("top", predicted(even)))
+
+
+def test_a_diffusing_lens_that_sends_light_about_its_direction_is_one_without_a_pattern() -> None:
+    """What a case calls diffusing is not always a perfect diffuser; below that no wall would show."""
+    told = SYSTEMS["tube"].with_settings({"exit.kind": "diffusing"})
+    broad = system_with("tube", lobes((0.5, 0.1, 0.1), (0.5, -0.1, -0.1)))
+    dark = np.zeros((len(DAYS), len(C_DEG), len(GAMMA_DEG)))
+
+    def found(light: Floats) -> System:
+        return likened({"it": told}, {"it": Predicted(DAYS, light, dark, 2.6, "far")})["it"].system
+
+    like_it = found(predicted(broad))
+    assert densities(like_it) == ["exit"] and not any_pattern(like_it)
+    assert found(predicted(told)) is told
+
+
+def test_light_may_be_scattered_about_where_the_lens_sends_it() -> None:
+    system = system_with("top", SKEWED)
+    hazy = system.with_settings(on_top(system, {"forward_haze": 0.2}))
+    assert np.sum(hazy.entry.shifts) == pytest.approx(np.sum(system.entry.shifts), rel=0.05)
+    grid = np.hypot(*np.meshgrid(cells(), cells(), indexing="ij")).ravel()
+    spread = [float(np.sum(grid**2 * s.entry.shifts) / np.sum(s.entry.shifts)) for s in (system, hazy)]
+    assert spread[1] - spread[0] == pytest.approx(0.2 * 2.0 * 0.4**2, rel=0.2)
+
+
+def test_a_pattern_without_symmetry_is_turned_to_both_sides() -> None:
+    settings = settings_of(system_with("top", SKEWED))
+    turns = {value for setting in settings for name, value in setting if name == "rotation_deg"}
+    assert turns == {*ANY_TURNS_DEG, 180.0}
+    assert (("mirrored", True),) in settings and (("isotropic", True),) in settings
