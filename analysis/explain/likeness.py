@@ -51,25 +51,28 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
         dull = _diffusers({name: look for name, look in seen.items() if not look.prismatic}, pool)
         looks = {name: look for name, look in seen.items() if look.prismatic}
         shifted = _shifted(looks, pool)
-        alike = _are_alike(shifted)
-        hazy: dict[str, Likened] = {}
-        even = False
-        if looks and not alike:
-            best = list(pool.map(Look.patterned, looks.values()))
-            blurred = list(pool.map(Look.patternless, looks.values(), best))
-            even = any(look.even for look in looks.values())
-            limit = _NO_PATTERN_IF_EVEN if even else _NO_PATTERN
-            if _unlike(looks.values(), blurred) < limit * _unlike(looks.values(), best):
-                best = blurred
-            beside = BETTER * _unlike(looks.values(), best)
-            even = even and best is blurred
-            if best is blurred or not shifted or _rms(unlike for _, unlike in shifted.values()) >= beside:
-                found_hazy = pool.map(partial(Look.hazy, even=even), looks.values(), best)
-                hazy = dict(zip(looks, found_hazy, strict=True))
-    dense = {} if hazy else shifted
-    alike = not hazy and _are_alike(shifted or dull)
-    made = {name: Likened(system, alike=alike) for name, (system, _) in (dense | dull).items()}
-    return {name: Likened(system, even=even) for name, system in systems.items()} | made | hazy
+        prisms = {} if not looks or _are_alike(shifted) else _prismatic(looks, shifted, pool)
+    dense = dull if prisms else shifted | dull
+    alike = not prisms and _are_alike(shifted or dull)
+    even = any(like.even for like in prisms.values())
+    plain = {name: Likened(system, even=even) for name, system in systems.items()}
+    return plain | {name: Likened(system, alike=alike) for name, (system, _) in dense.items()} | prisms
+
+
+def _prismatic(
+    looks: Mapping[str, Look], shifted: Mapping[str, tuple[System, float]], pool: Executor
+) -> dict[str, Likened]:
+    """All systems with prisms and haze; none where their densities of shifts look more like the predictions."""
+    best = list(pool.map(Look.patterned, looks.values()))
+    blurred = list(pool.map(Look.patternless, looks.values(), best))
+    even = any(look.even for look in looks.values())
+    limit = _NO_PATTERN_IF_EVEN if even else _NO_PATTERN
+    if _unlike(looks.values(), blurred) < limit * _unlike(looks.values(), best):
+        best = blurred
+    elif shifted and _rms(unlike for _, unlike in shifted.values()) < BETTER * _unlike(looks.values(), best):
+        return {}
+    made = pool.map(partial(Look.hazy, even=even and best is blurred), looks.values(), best)
+    return dict(zip(looks, made, strict=True))
 
 
 def _are_alike(densities: Mapping[str, tuple[System, float]]) -> bool:

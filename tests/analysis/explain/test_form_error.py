@@ -1,13 +1,20 @@
 """What forms have wrong grows with what they change, and a form that is wrong in places is believed all the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from analysis.explain import form_error as form_error_module
+from analysis.explain.conclusion import traced
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypers import Hyper
 from analysis.explain.lens_error import lens_error_of_systems
-from analysis.explain.mechanisms.base import Term, lit_by, predict
+from analysis.explain.mechanisms.base import Branch, Term, lit_by, predict
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.parameter import Parameter
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from tests.analysis.explain.test_mechanisms import term
@@ -132,3 +139,24 @@ def test_the_best_way_of_each_sort_is_allowed_what_its_form_has_wrong(
     assert search._allowing_for_forms(plain, 0.0) == plain
     assert [id(f) for f in seen] == [id(plain[0]), id(plain[1])]
     assert search._allowing_for_forms(plain, 60.0) == plain and len(seen) == 2, "what gains too little is not asked"
+
+
+@pytest.mark.parametrize(("mechanism", "brighter"), [("lens-orientation", 0.3), ("wall-scatter", 0.3)])
+def test_what_was_traced_on_a_lens_hardly_unlike_is_wrong_by_less_where_the_lens_decides(
+    arm: Scene, mechanism: str, brighter: float
+) -> None:
+    """By what lobe a wall scatters is told by no lens."""
+    sun, sky = np.ones((2, *arm.fields.sun.shape)), np.ones((2, *arm.fields.sky.shape))
+    sun[1] += brighter
+    share = Parameter("share", "1", "of a change", 0.0, 1.0, 0.2, (1.0,))
+    path = Path("traced", share, np.array([0.0, 1.0]), sun, sky)
+    plain, alike = (
+        Term(BY_ID[mechanism], Branch(value=replace(path, alike=is_alike)), (share,)) for is_alike in (False, True)
+    )
+    (far, change), (near, _) = _variance(arm, plain, 1.0), _variance(arm, alike, 1.0)
+    seen = change > 1e-8
+    less = np.median(near[seen] / far[seen])
+    shares = form_error_module._shares(arm, plain), form_error_module._shares(arm, alike)
+    assert less == pytest.approx(sum(x**2 for x in shares[1]) / sum(x**2 for x in shares[0]), rel=0.1)
+    assert less < 0.7 if mechanism == "lens-orientation" else less == pytest.approx(1.0)
+    assert traced(plain) and not traced(alike)
