@@ -25,7 +25,10 @@ from analysis.explain.shift_lens import patternless, shift_lens
 from analysis.simulate.system import System
 
 ALIKE: Final = 0.15
-"""Prisms are not looked for where densities of shifts are no more unlike than this (rms of a case's systems)."""
+"""Densities of shifts that are no more unlike than this (rms of a case's systems) are hardly unlike,"""
+_FAR_NEARER: Final = 0.6
+"""and prisms are not sought where those that they are begun with are so much more unlike. (Of one author's predictions
+densities are unlike by a third of what the supposed prisms are, and by half of what the best are.)"""
 _SMOOTH_DEG: Final = (9.0, 16.0)
 """A diffuser's light is blurred by these before it is compared: few of its rays meet any one direction."""
 _NO_DIFFUSER: Final = 0.75
@@ -51,7 +54,7 @@ def likened(systems: Mapping[str, System], predicted: Mapping[str, Predicted]) -
         dull = _diffusers({name: look for name, look in seen.items() if not look.prismatic}, pool)
         looks = {name: look for name, look in seen.items() if look.prismatic}
         shifted = _shifted(looks, pool)
-        prisms = {} if not looks or _are_alike(shifted) else _prismatic(looks, shifted, pool)
+        prisms = {} if not looks or _far_nearer(shifted, looks) else _prismatic(looks, shifted, pool)
     dense = dull if prisms else shifted | dull
     alike = not prisms and _are_alike(shifted or dull)
     even = any(like.even for like in prisms.values())
@@ -79,6 +82,14 @@ def _are_alike(densities: Mapping[str, tuple[System, float]]) -> bool:
     return bool(densities) and _rms(unlike for _, unlike in densities.values()) < ALIKE * np.sqrt(len(densities))
 
 
+def _far_nearer(densities: Mapping[str, tuple[System, float]], looks: Mapping[str, Look]) -> bool:
+    """Whether densities are hardly unlike the predictions, and by so much less than prisms that none need be sought."""
+    if not _are_alike(densities):
+        return False
+    unlike = _rms(unlike for _, unlike in densities.values())
+    return unlike < _FAR_NEARER * _rms(look.begun() for look in looks.values())
+
+
 def _unlike(looks: Iterable[Look], chosen: Iterable[Prisms]) -> float:
     return _rms(look.unlike(prisms) for look, prisms in zip(looks, chosen, strict=True))
 
@@ -89,11 +100,16 @@ def _rms(unlike: Iterable[float]) -> float:
 
 def _shifted(looks: Mapping[str, Look], pool: Executor) -> dict[str, tuple[System, float]]:
     """All systems with densities of shifts, and how unlike they are; none where a prediction knows no pattern."""
-    if any(look.even or look.system.rotation_deg for look in looks.values()):
+    if not all(_may_have_density(look) for look in looks.values()):
         return {}
     found = dict(zip(looks, pool.map(shift_lens, looks.values()), strict=True))
     blurred = _rms(pool.map(lambda name: looks[name].beside(looks[name].light(patternless(found[name][0]))), looks))
     return found if _rms(unlike for _, unlike in found.values()) < _NO_PATTERN * blurred else {}
+
+
+def _may_have_density(look: Look) -> bool:
+    """Whether several suns show one, with a pattern, in a skylight that lies along the compass."""
+    return len(look.days) > 1 and not look.even and look.system.rotation_deg == 0.0
 
 
 def _diffusers(looks: Mapping[str, Look], pool: Executor) -> dict[str, tuple[System, float]]:
@@ -102,7 +118,7 @@ def _diffusers(looks: Mapping[str, Look], pool: Executor) -> dict[str, tuple[Sys
     With densities of shifts that are the same to all sides, and how unlike they are. (What two other authors call so
     spreads light by 15 to 30°; below a perfect diffuser no wall, no aureole and no haze shows.)
     """
-    chosen = [name for name, look in looks.items() if not look.system.rotation_deg]
+    chosen = [name for name, look in looks.items() if len(look.days) > 1 and not look.system.rotation_deg]
     found = dict(zip(chosen, pool.map(lambda name: patternless(shift_lens(looks[name])[0]), chosen), strict=True))
     made = {name: (system, looks[name].beside(looks[name].light(system))) for name, system in found.items()}
     near = {name: like for name, like in made.items() if like[1] < _STILL_UNLIKE}

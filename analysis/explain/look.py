@@ -120,6 +120,10 @@ class Look:
         self.known: dict[Prisms, tuple[float, float]] = {}
         self.supposed = Prisms.of([getattr(system, place) for place in places])
 
+    def begun(self) -> float:
+        """How unlike the least unlike of all places is where prisms are begun to be looked for."""
+        return self.unlike(self.least(list(itertools.chain.from_iterable(self.supposed.beginnings()))))
+
     def patterned(self) -> Prisms:
         """The least unlike that knows directions in the lens's plane.
 

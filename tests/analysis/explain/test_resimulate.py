@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.explain import again, likeness, settings, tracing
+from analysis.explain import again, look, settings, tracing
 from analysis.explain.apply import apply_model
 from analysis.explain.asked import misfit
 from analysis.explain.fields import GAMMA_DEG, solid_angle
@@ -42,7 +42,7 @@ def few_rays() -> Iterator[None]:
         patch.setattr(tracing, "MORE_RAYS", 20_000)
         patch.setattr(tracing, "SAMPLES", 1_024)
         patch.setattr(again, "SAMPLES", 1_024)
-        patch.setattr(likeness, "SAMPLES", 512)
+        patch.setattr(look, "SAMPLES", 512)
         patch.setattr(settings, "MINUTES", (-15.0, 15.0))
         yield
 

@@ -23,12 +23,12 @@ pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that tak
 DAYS = [daylight(h, a, 80_000.0 * np.sin(np.radians(h)), 9_000.0, "perez") for h, a in ((28, 95), (44, 140), (63, 200))]
 
 
-def lobes(*shares: tuple[float, float, float]) -> Lens:
+def lobes(*shares: tuple[float, float, float], cells_wide: float = 2.5) -> Lens:
     """A lens with a few lobes: share, and shift east and north."""
     density = np.zeros((SIDE, SIDE))
     for share, x, y in shares:
         density[np.argmin(np.abs(cells() - x)), np.argmin(np.abs(cells() - y))] += share
-    return Lens(kind="shift", shifts=tuple(gaussian_filter(density, 2.5).ravel().tolist()))
+    return Lens(kind="shift", shifts=tuple(gaussian_filter(density, cells_wide).ravel().tolist()))
 
 
 SKEWED = lobes((0.5, 0.34, 0.1), (0.3, -0.2, 0.3), (0.2, -0.1, -0.42))
@@ -103,7 +103,7 @@ def test_a_density_without_a_pattern_is_none_that_could_be_turned() -> None:
 def test_a_diffusing_lens_that_sends_light_about_its_direction_is_one_without_a_pattern() -> None:
     """What a case calls diffusing is not always a perfect diffuser; below that no wall would show."""
     told = SYSTEMS["tube"].with_settings({"exit.kind": "diffusing"})
-    broad = system_with("tube", lobes((0.5, 0.1, 0.1), (0.5, -0.1, -0.1)))
+    broad = system_with("tube", lobes((1.0, 0.0, 0.0), cells_wide=6.0))
     dark = np.zeros((len(DAYS), len(C_DEG), len(GAMMA_DEG)))
 
     def found(light: Floats) -> System:
@@ -112,6 +112,13 @@ def test_a_diffusing_lens_that_sends_light_about_its_direction_is_one_without_a_
     like_it = found(predicted(broad))
     assert densities(like_it) == ["exit"] and not any_pattern(like_it)
     assert found(predicted(told)) is told
+
+
+def test_one_sun_tells_no_density() -> None:
+    """Of one image any density is as good as the next."""
+    seen = predicted(system_with("top", SKEWED))[1:2]
+    given = Predicted(DAYS[1:2], seen, np.zeros_like(seen), 2.6, "far")
+    assert not any_pattern(likened({"it": SYSTEMS["top"]}, {"it": given})["it"].system)
 
 
 def test_light_may_be_scattered_about_where_the_lens_sends_it() -> None:
