@@ -5,6 +5,7 @@ amount that hardly depends on where the light comes from. A lens that is known n
 described so: by how much of the light has each difference.
 """
 
+import dataclasses
 import functools
 import math
 from typing import Final
@@ -67,9 +68,17 @@ def _drawn(shifts: tuple[float, ...], shape: tuple[int, int], rng: np.random.Gen
     return np.asarray((np.stack(np.divmod(cell, side), axis=-1) + inside) * step - REACH)
 
 
-@functools.lru_cache(maxsize=8)
 def shift_tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
-    """Scatter tables for light from above and for light from below, in parts, on `wide_nodes` of ``half``."""
+    """Scatter tables for light from above and for light from below, in parts, on `wide_nodes` of ``half``.
+
+    Orientation, mirroring, isotropy, haze and soiling belong to the tracer; the last few tables are remembered.
+    """
+    optics = {name: getattr(lens, name) for name in ("shifts", "refractive_index", "thickness_mm", "absorption_per_mm")}
+    return _tables(dataclasses.replace(Lens(), kind="shift", **optics), samples, half)
+
+
+@functools.lru_cache(maxsize=8)
+def _tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
     count = max(samples // 2 if half == SHIFT_HALF else samples // 16, LEAST)
     down = wide_nodes(half)
     made = []

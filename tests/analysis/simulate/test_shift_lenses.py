@@ -1,5 +1,7 @@
 """Lenses that are told by the differences of direction cosines which they make."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from analysis.cases.model import Floats
 from analysis.simulate.aims import can_be_followed_back
 from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight, sun_source
-from analysis.simulate.lens_shift import REACH, SIDE, cells, shift_samples
+from analysis.simulate.lens_shift import REACH, SIDE, cells, shift_samples, shift_tables
 from analysis.simulate.predict import predict
 from analysis.simulate.system import System
 from analysis.simulate.tally import Tally
@@ -116,6 +118,12 @@ def test_the_other_engine_refuses_what_it_cannot_do() -> None:
     with pytest.raises(SimulationError, match="density of shifts"):
         predict(window(sends((0.1, 0.0))), DAY, engine="radiance")
     assert not can_be_followed_back(window(sends((0.1, 0.0))))
+
+
+def test_a_turned_or_hazy_lens_needs_no_table_of_its_own() -> None:
+    lens = sends((0.1, 0.0))
+    other = dataclasses.replace(lens, orientation_deg=20.0, haze=0.1, mirrored=True)
+    assert shift_tables(other, 2_048, 8)[0] is shift_tables(lens, 2_048, 8)[0]
 
 
 def test_shifts_reach_as_far_as_is_said() -> None:
