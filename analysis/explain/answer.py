@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.cases.read import COLUMNS
+from analysis.explain import found_lenses
 from analysis.explain.conclusion import Unnamed
 from analysis.explain.condense import condensed
 from analysis.explain.fit import Fit
@@ -52,6 +53,7 @@ def answer(e: Explanation) -> dict[str, Any]:
             for h in found.singles
         ],
         "shared_error": e.shared.told(),
+        "lenses": _lenses(e),
         "model": [_model(e.scene, term, found.best.fit, k) for k, term in enumerate(found.best.fit.terms)],
     }
 
@@ -137,6 +139,14 @@ def _model(scene: Scene, term: Term, fit: Fit, k: int) -> dict[str, Any]:
         "names": [p.name for p in term.parameters],
         "only": only,
     }
+
+
+def _lenses(e: Explanation) -> dict[str, Any]:
+    """The lenses that our own re-simulations had, where something is named that other tests may need them for."""
+    retraced = e.scene.retraced
+    if retraced is None or retraced.simulator is None or not e.conclusion.best.fit.terms:
+        return {}
+    return found_lenses.told(retraced.simulator.traced_systems())
 
 
 def _systems_changed(scene: Scene, term: Term, theta: Floats) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
+from analysis.explain.found_lenses import FoundLenses, lenses_of
 from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import in_its_state, terms_of
@@ -40,10 +41,11 @@ _SIMULATED = {
 
 @dataclass(frozen=True)
 class Model:
-    """What an explanation says of other cases: mechanisms as they were fitted, and the simulation's shared error."""
+    """What an explanation says of other cases: mechanisms as fitted, the simulation's shared error, and its lenses."""
 
     entries: tuple[dict[str, Any], ...] = ()
     shared: SharedError = field(default_factory=lambda: SharedError({}, {}))
+    lenses: FoundLenses = field(default_factory=FoundLenses)
 
     @property
     def mechanisms(self) -> frozenset[str]:
@@ -52,7 +54,7 @@ class Model:
 
     def without_shared_error(self) -> "Model":
         """The mechanisms alone."""
-        return Model(self.entries)
+        return replace(self, shared=SharedError({}, {}))
 
 
 def read_model(folder: Path) -> Model:
@@ -73,10 +75,11 @@ def read_model(folder: Path) -> Model:
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote")
     try:
         shared = SharedError.of(content["shared_error"])
+        lenses = lenses_of(content.get("lenses", {}))  # those of earlier versions tell none
     except (KeyError, TypeError, ValueError, AttributeError):
         raise DataError(f"{path}: not an explanation that `labdaq explain` wrote") from None
     named = content["verdict"] in {"explained", "partly-explained"}
-    return Model(tuple(content["model"]) if named else (), shared)
+    return Model(tuple(content["model"]) if named else (), shared, lenses)
 
 
 def _is_explanation(content: object) -> bool:

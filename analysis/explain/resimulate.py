@@ -10,6 +10,7 @@ from analysis.cases import Case
 from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import GAMMA_DEG, fields_of
 from analysis.explain.file_parts import readings_of
+from analysis.explain.found_lenses import FoundLenses
 from analysis.explain.likeness import likened
 from analysis.explain.look import Likened, Predicted
 from analysis.explain.ratios import Field
@@ -25,12 +26,17 @@ FEW_RAYS = 30_000
 """Rays for each sun and sky where only the sky's smooth part is asked for."""
 
 
-def simulator_of(case: Case, only: Collection[str] | None = None) -> "OwnSimulation | None":
-    """A simulator for the case, of all mechanisms or of some ``only``; ``None`` where no system or no sun is known."""
+def simulator_of(
+    case: Case, only: Collection[str] | None = None, lenses: FoundLenses | None = None
+) -> "OwnSimulation | None":
+    """A simulator for the case, of all mechanisms or of some ``only``; ``None`` where no system or no sun is known.
+
+    With ``lenses`` that another case's predictions were found to have; those of other systems are found here.
+    """
     systems = systems_of(case)
     usable = [k for k, t in enumerate(case.tests) if t.system in systems and t.sun_altitude_deg is not None]
     on_an_arm = any(channel.kind == GONIOMETER for channel in case.setup.channel)
-    return OwnSimulation(case, systems, only) if usable and on_an_arm else None
+    return OwnSimulation(case, systems, only, lenses) if usable and on_an_arm else None
 
 
 @dataclass(frozen=True)
@@ -64,15 +70,23 @@ class OwnSimulation:
     Where they are asked for some mechanisms ``only``, the others have none.
     """
 
-    def __init__(self, case: Case, systems: Mapping[str, System], only: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        systems: Mapping[str, System],
+        only: Collection[str] | None = None,
+        lenses: FoundLenses | None = None,
+    ) -> None:
         self.case = case
         self.systems = systems
         self.only = only
+        self.lenses = lenses or FoundLenses()
 
     @cached_property
     def made(self) -> Retracings:
         """All of it, traced in one go."""
-        alike = _likened(self.case, self.systems)
+        known = self.lenses.of(self.systems)
+        alike = known | _likened(self.case, {k: s for k, s in self.systems.items() if k not in known})
         systems = {name: like.system for name, like in alike.items()}
         traced = Tracing(self.case, systems, self.only, {name: like.spread_deg for name, like in alike.items()})
         readings = readings_of(self.case, measured_only=False)
@@ -121,6 +135,8 @@ def _paths(traced: Tracing, only: Collection[str] | None, alike: bool) -> dict[s
 
 def _likened(case: Case, systems: Mapping[str, System]) -> dict[str, Likened]:
     """The systems with lenses like the prediction's; where that gives only the sum, ours is one with our sky's part."""
+    if not systems:
+        return {}
     readings = readings_of(case, measured_only=False)
     given, tracing = fields_of(readings), Tracing(case, systems)
     sky = np.zeros_like(given.sky) if readings.has_parts else np.nan_to_num(tracing.sky_part(given.total, FEW_RAYS))

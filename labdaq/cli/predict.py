@@ -26,6 +26,6 @@ def command(explanation: Path, case: Path, out: Path, mechanisms_only: bool) -> 
     model = read_model(explanation)
     if mechanisms_only:
         model = model.without_shared_error()
-    text = apply_model(model, other, simulator_of(other, model.mechanisms))
+    text = apply_model(model, other, simulator_of(other, model.mechanisms, model.lenses))
     write_whole_bytes(out, text.encode())
     click.echo(f"wrote {out}")

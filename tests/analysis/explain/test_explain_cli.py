@@ -257,6 +257,11 @@ def test_a_missing_file_is_named(labdaq: Run, tmp_path: Path) -> None:
         ('{"format": "labdaq-explanation/9", "model": []}', "not an explanation"),
         ('{"format": "labdaq-explanation/1", "model": [], "mechanisms": []}', "not an explanation"),
         ('{"format": "labdaq-explanation/1", "verdict": "explained", "model": [{"id": "x"}]}', "not an explanation"),
+        (
+            '{"format": "labdaq-explanation/1", "verdict": "explained", "model": [], "lenses": {"box": {}},'
+            ' "shared_error": {"systems": {}, "sensors": {}, "lens": {}}}',
+            "not an explanation",
+        ),
     ],
 )
 def test_a_folder_that_is_no_explanation_is_refused(labdaq: Run, tmp_path: Path, text: str | None, says: str) -> None:
