@@ -54,7 +54,12 @@ def told(likened: Mapping[str, Likened]) -> dict[str, Any]:
 def _told(like: Likened) -> dict[str, Any]:
     settings = {name: getattr(like.system, name) for name in _OF_COVER}
     settings |= {place: _lens(asdict(getattr(like.system, place))) for place in _LENSES}
-    return {"settings": settings, "spread_deg": like.spread_deg, "even": like.even, "alike": like.alike}
+    return {
+        "settings": settings,
+        "spread_deg": float(like.spread_deg),
+        "even": bool(like.even),
+        "alike": bool(like.alike),
+    }
 
 
 def _lens(told: dict[str, Any]) -> dict[str, Any]:

@@ -79,7 +79,8 @@ def _prismatic(
 
 
 def _are_alike(densities: Mapping[str, tuple[System, float]]) -> bool:
-    return bool(densities) and _rms(unlike for _, unlike in densities.values()) < ALIKE * np.sqrt(len(densities))
+    unlike = _rms(unlike for _, unlike in densities.values())
+    return bool(densities) and unlike < ALIKE * float(np.sqrt(len(densities)))
 
 
 def _far_nearer(densities: Mapping[str, tuple[System, float]], looks: Mapping[str, Look]) -> bool:

@@ -49,6 +49,9 @@ class Lens:
     shifts
         Of kind ``shift``: shares of the light whose tangential direction cosines change by so much, on the cells of
         `analysis.simulate.lens_shift`, x outermost; on any scale.
+    kept
+        Of kind ``shift``: the share of its tangential direction cosines to which the light's change is added [0..1]. A
+        sheet that draws light towards its normal keeps less than all.
     """
 
     kind: Literal["none", "clear", "prismatic", "diffusing", "bsdf", "shift"] = "prismatic"
@@ -68,6 +71,7 @@ class Lens:
     reflectance: Share = 0.3
     bsdf: str = ""
     shifts: tuple[float, ...] = ()
+    kept: Share = 1.0
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> Self:

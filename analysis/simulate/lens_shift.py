@@ -25,9 +25,11 @@ REACH: Final = 1.6
 SIDE: Final = 81
 """Cells along each side of the square of differences."""
 SHIFT_HALF: Final = 8
-"""Grid steps from the middle of the square of incidences to its edge: rows differ by their transmittance alone."""
+"""Grid steps from the middle of the square of incidences to its edge: where light keeps all its direction cosines, rows
+differ by their transmittance alone."""
 _GRAZING: Final = 0.998
 _STREAM: Final = 17
+_OPTICAL: Final = ("shifts", "kept", "refractive_index", "thickness_mm", "absorption_per_mm")
 
 
 def cells() -> Floats:
@@ -43,7 +45,7 @@ def shift_samples(
     What would leave beyond grazing is lost, and so is what a clear slab would reflect.
     """
     shape = (len(directions), per_direction)
-    moved = directions[:, None, :2] + _drawn(lens.shifts, shape, rng)
+    moved = lens.kept * directions[:, None, :2] + _drawn(lens.shifts, shape, rng)
     square = np.sum(moved**2, axis=-1)
     leaves = square < _GRAZING
     out = np.zeros((*shape, 3))
@@ -73,7 +75,7 @@ def shift_tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
 
     Orientation, mirroring, isotropy, haze and soiling belong to the tracer; the last few tables are remembered.
     """
-    optics = {name: getattr(lens, name) for name in ("shifts", "refractive_index", "thickness_mm", "absorption_per_mm")}
+    optics = {name: getattr(lens, name) for name in _OPTICAL}
     return _tables(dataclasses.replace(Lens(), kind="shift", **optics), samples, half)
 
 
