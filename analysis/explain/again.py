@@ -10,25 +10,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.cases import Case
 from analysis.cases.model import USUAL_ARM_M, Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
-from analysis.explain.lens_paths import SCATTERED
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
 from analysis.explain.mechanisms.timing import HOUR, ClockOffset
 from analysis.explain.path_making import EVENED
-from analysis.explain.ratios import ratio
+from analysis.explain.ratios import Field, ratio
 from analysis.explain.retrace import Path
 from analysis.explain.roomlight import DarkRoom, inside
+from analysis.explain.scattering import SCATTERED, partly, places_of
 from analysis.explain.scene import Light, Scene
-from analysis.explain.trace_settings import FORWARDS, HAZES, on_top
+from analysis.explain.trace_settings import HAZES, on_top, scatterer
 from analysis.explain.tracing import SHARP_SIDE, SUN_SAMPLES, daylight_of
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
 from analysis.simulate.lens import SAMPLES
 from analysis.simulate.room import Room
 from analysis.simulate.system import System
-from analysis.simulate.variants import Parts, variants
+from analysis.simulate.variants import variants
 from labdaq.errors import ConfigError
 
 RAYS = 60_000
@@ -121,7 +122,7 @@ def _setting(name: str, value: float, label: str) -> tuple[str, float]:
     if name == "loss":
         return SETTING_OF[name], -float(np.log1p(-value))
     if name == "haze" and label.startswith(SCATTERED):
-        return FORWARDS, value
+        return label.partition(",")[0], value
     places = [place for where, names in HAZES.items() if label.startswith(where) for place in names]
     return f"{places[0]}.haze" if name == "haze" and places else SETTING_OF[name], value
 
@@ -150,31 +151,37 @@ def _traced(scene: Scene, settings: list[Set]) -> tuple[Floats, Floats] | None:
             return None
         minutes = mine.pop("minutes", 0.0)
 
-        def run(
-            late: float, change: dict[str, float], system: System = systems[name].system, these: list[int] = tests
-        ) -> Parts:
-            made = variants(
-                system,
-                [daylight_of(case, k, late) for k in these],
-                [Change("", on_top(system, change))],
-                distance_m=case.setup.distance_m or USUAL_ARM_M,
-                rays=RAYS,
-                sun_samples=SUN_SAMPLES,
-                samples=SAMPLES,
-                sharp_side=SHARP_SIDE,
-                gamma_deg=GAMMA_DEG,
-                c_deg=np.append(C_DEG, 360.0),
-            ).variants[0][1]
-            return made.near if case.setup.simulation.field == "near" else made.far
-
         try:
-            old, new = run(0.0, given), run(minutes, given | mine)
+            old = _simulated(case, systems[name].system, tests, 0.0, given)
+            new = _simulated(case, systems[name].system, tests, minutes, given | mine)
         except ConfigError:
             return None  # the fit went where no skylight can
         as_seen = systems[name].spread
-        sun[tests] = ratio(as_seen(new.sun[:, :-1]), as_seen(old.sun[:, :-1]))
-        sky[tests] = ratio(as_seen(new.sky[:, :-1]), as_seen(old.sky[:, :-1]))
+        sun[tests], sky[tests] = (ratio(as_seen(n), as_seen(o)) for n, o in zip(new, old, strict=True))
     return sun, sky
+
+
+def _simulated(case: Case, system: System, tests: list[int], late: float, change: Mapping[str, float]) -> Field:
+    """Both parts (T, P, G) of one system as changed, under the daylight of its tests some minutes later."""
+    rest = {key: value for key, value in change.items() if not key.startswith(SCATTERED)}
+    shares = {key.removeprefix(f"{SCATTERED} "): share for key, share in change.items() if key not in rest}
+    wholes = [dict(scatterer(place, kind)) for kind in shares for place in places_of(system)]
+    made = variants(
+        system,
+        [daylight_of(case, k, late) for k in tests],
+        [Change("", on_top(system, rest | whole)) for whole in ({}, *wholes)],
+        distance_m=case.setup.distance_m or USUAL_ARM_M,
+        rays=RAYS,
+        sun_samples=SUN_SAMPLES,
+        samples=SAMPLES,
+        sharp_side=SHARP_SIDE,
+        gamma_deg=GAMMA_DEG,
+        c_deg=np.append(C_DEG, 360.0),
+    )
+    lit = [made.near if case.setup.simulation.field == "near" else made.far for _, made in made.variants]
+    sun, sky = ([part[:, :-1] for part in parts] for parts in zip(*((x.sun, x.sky) for x in lit), strict=True))
+    share = sum(shares.values())  # of one kind: a haze has one form
+    return partly(sun[0], sun[1:], share), partly(sky[0], sky[1:], share)
 
 
 class _Traced(Mechanism):

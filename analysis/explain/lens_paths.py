@@ -10,13 +10,13 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, through
 from analysis.explain.ratios import Field, over
 from analysis.explain.retrace import Path
+from analysis.explain.scattering import SCATTERED, SCATTERERS, partly, places_of
 from analysis.explain.trace_settings import (
     ANY_TURNS_DEG,
     ASLANT,
     DEPTHS,
     DIAGONAL,
     FLAT,
-    FORWARDS,
     HALF_TURN,
     HAZE,
     HAZES,
@@ -25,13 +25,12 @@ from analysis.explain.trace_settings import (
     TURNS_DEG,
     Setting,
     any_pattern,
-    densities,
     haze,
     knows_no_pattern,
+    scatterer,
 )
 from analysis.explain.tracing import Tracing
 
-SCATTERED: Final = "scattered forwards"
 PATTERNS: Final[dict[str, Setting]] = {
     "a pattern, not its mean": (),
     "a pattern along the diagonals, not its mean": (DIAGONAL,),
@@ -84,8 +83,19 @@ def hazes(traced: Tracing) -> Iterator[Path]:
     share = Parameter("haze", "1", what, 0.0, 0.6, 0.12, (0.02, 0.06, 0.2))
     for label, where in HAZES.items():
         yield from along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
-    if any(densities(system) for system in traced.systems.values()):
-        yield from along(traced, f"{SCATTERED}, traced", share, {HAZE: ((FORWARDS, HAZE),)}, 0.0)
+    for kind in SCATTERERS:
+        yield from through(traced, f"{SCATTERED} {kind}, traced", share, {HAZE: _partly_scattered(traced, kind)}, 0.0)
+
+
+def _partly_scattered(traced: Tracing, kind: str) -> Field:
+    """Both parts of all tests where a little of what each lens sends on is scattered instead."""
+    lit = {place: traced.lit(scatterer(place, kind)) for place in ("entry", "exit")}
+    made = [part.copy() for part in traced.base]
+    for name, days in traced.days.items():
+        rows = [k for k, _ in days]
+        for k, part in enumerate(made):
+            part[rows] = partly(part[rows], [lit[place][k][rows] for place in places_of(traced.systems[name])], HAZE)
+    return made[0], made[1]
 
 
 def dirt(traced: Tracing) -> Iterator[Path]:

@@ -1,13 +1,11 @@
 """What is traced for a system, beside the system as described: the settings that change it, by mechanism."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-from scipy.ndimage import gaussian_filter
-
+from analysis.explain.scattering import SCATTERERS, places_of, scattering
 from analysis.simulate.changes import lenses_of
-from analysis.simulate.lens_shift import SIDE, cells
 from analysis.simulate.system import System
 
 Setting = tuple[tuple[str, float | str], ...]
@@ -19,10 +17,8 @@ ANY_TURNS_DEG: Final = (-90.0, -54.0, -27.0, -9.0, 9.0, 27.0, 54.0, 90.0)
 HALF_TURN: Final = ("rotation_deg", 180.0)
 MIRRORED: Final = ("mirrored", True)
 """East and west exchanged; with half a turn, north and south."""
-FORWARDS: Final = "forward_haze"
-"""Haze of lenses that are densities of shifts: so wide about where the lens sends the light, not to all sides."""
-FORWARDS_WIDTH: Final = 0.4
-"""Its rms width in direction cosines."""
+SCATTERER: Final = "scatterer"
+"""Names a place whose lens scatters all light (`scattering`)."""
 ISOTROPIC: Final = ("isotropic", True)
 """Where the prediction knows no pattern, this setting has one (`on_top`)."""
 DIAGONAL: Final = ("rotation_deg", 45.0)
@@ -42,7 +38,7 @@ FLAT: Final = ("rise_m", 0.0)
 
 SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
     "circumsolar-aureole": ("aureole_deg",),
-    "lens-haze": ("haze", FORWARDS),
+    "lens-haze": ("haze", SCATTERER),
     "soiling": ("soiling", FLAT[0]),
     "lens-orientation": ("rotation_deg", "mirrored"),
     "lens-anisotropy": ("isotropic", "rotation_deg"),
@@ -71,11 +67,9 @@ def densities(system: System) -> list[str]:
     return [place for place in ("entry", "exit") if getattr(system, place).kind == "shift"]
 
 
-def _scattered(shifts: tuple[float, ...], share: float) -> tuple[float, ...]:
-    """A density of shifts of which a share is scattered about where it was."""
-    density = np.array(shifts).reshape(SIDE, SIDE)
-    wide = gaussian_filter(density, FORWARDS_WIDTH / (cells()[1] - cells()[0]), mode="constant")
-    return tuple(((1.0 - share) * density + share * wide).ravel().tolist())
+def scatterer(place: str, kind: str) -> Setting:
+    """The setting of a lens that scatters all light."""
+    return ((SCATTERER, place), ("scatters", kind))
 
 
 def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
@@ -86,8 +80,8 @@ def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
     rest = dict(setting)
     if "isotropic" in rest:
         rest["isotropic"] = not knows_no_pattern(system)
-    if (forwards := rest.pop(FORWARDS, None)) is not None:
-        rest |= {f"{p}.shifts": _scattered(getattr(system, p).shifts, forwards) for p in densities(system)}
+    if (place := rest.pop(SCATTERER, None)) is not None:
+        rest[place] = dataclasses.asdict(scattering(getattr(system, place), rest.pop("scatters")))
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
     places = () if share is None else (chosen,) if chosen else lenses_of(system)
     for place in ("entry", "exit"):
@@ -107,8 +101,7 @@ def settings_of(system: System) -> list[Setting]:
         made += [(("soiling", depth),) for depth in DEPTHS]
         if system.rise_m > 0.0:
             made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
-    if densities(system):
-        made += [((FORWARDS, HAZE),)]
+    made += [scatterer(place, kind) for place in places_of(system) for kind in SCATTERERS]
     if any_pattern(system):
         made += [(ISOTROPIC,), (HALF_TURN,), (MIRRORED,), (MIRRORED, HALF_TURN)]
         made += [(("rotation_deg", t),) for t in ANY_TURNS_DEG]

@@ -171,6 +171,19 @@ def test_what_was_found_on_flat_covers_is_simulated_again_on_them(
     assert deviates["dirt on flat covers, traced"] < 0.5 * deviates["dirt, traced"], deviates
 
 
+def test_haze_that_goes_on_forwards_is_simulated_again(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(again, "RAYS", 20_000)
+    for way in ("scattered forwards, traced", "scattered wide, traced"):
+        told, share = (term(scene, "lens-haze", way),), np.array([0.15])
+        found = again.simulated_again(scene, told, share)
+        assert found is not None and found.ids == ("lens-haze",)
+        fitted, simulated = (
+            np.log(x / scene.readings.simulated) for x in (predict(scene, told, share), found.predicted)
+        )
+        assert np.std(fitted) > 0.05
+        assert np.std(simulated - fitted) < 0.4 * np.std(fitted)
+
+
 def test_darker_walls_take_light(made: Retracings) -> None:
     path = _path(made, "wall-reflectance", "all systems alike")
     flux = path.sky.mean(axis=(2, 3))  # (settings, tests)

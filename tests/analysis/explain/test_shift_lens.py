@@ -1,6 +1,7 @@
 """A prediction's lens as a density of shifts, where no prisms of one shape look like it."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.likeness import likened
 from analysis.explain.look import Look, Predicted, look_at
 from analysis.explain.shift_lens import patternless, shift_lens
-from analysis.explain.trace_settings import ANY_TURNS_DEG, any_pattern, densities, on_top, settings_of
+from analysis.explain.trace_settings import ANY_TURNS_DEG, any_pattern, densities, settings_of
 from analysis.simulate.components import Lens
 from analysis.simulate.daylight import daylight, sun_source
 from analysis.simulate.lens_shift import SIDE, cells
@@ -51,8 +52,7 @@ def predicted(system: System, seed: int = 5) -> Floats:
 def shown(kind: str, seen: Floats) -> Look:
     """What the prediction shows of a skylight that a case describes."""
     given = Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")
-    with ThreadPoolExecutor(1) as tracers:
-        found = look_at(SYSTEMS[kind], given, tracers)
+    found = look_at(SYSTEMS[kind], given, ThreadPoolExecutor(1))
     assert found is not None
     return found
 
@@ -121,13 +121,20 @@ def test_one_sun_tells_no_density() -> None:
     assert not any_pattern(likened({"it": SYSTEMS["top"]}, {"it": given})["it"].system)
 
 
-def test_light_may_be_scattered_about_where_the_lens_sends_it() -> None:
-    system = system_with("top", SKEWED)
-    hazy = system.with_settings(on_top(system, {"forward_haze": 0.2}))
-    assert np.sum(hazy.entry.shifts) == pytest.approx(np.sum(system.entry.shifts), rel=0.05)
-    grid = np.hypot(*np.meshgrid(cells(), cells(), indexing="ij")).ravel()
-    spread = [float(np.sum(grid**2 * s.entry.shifts) / np.sum(s.entry.shifts)) for s in (system, hazy)]
-    assert spread[1] - spread[0] == pytest.approx(0.2 * 2.0 * 0.4**2, rel=0.2)
+@pytest.mark.parametrize("kind", ["top", "tube"])
+def test_a_lens_that_draws_light_towards_its_normal_is_found(kind: str) -> None:
+    drawing = replace(lobes((1.0, 0.0, 0.0), cells_wide=6.0), kept=0.6)
+    seen = shown(kind, predicted(system_with(kind, drawing)))
+    found, left = shift_lens(seen)
+    (place,) = seen.places
+    assert getattr(found, place).kept == pytest.approx(0.6, abs=0.15)
+    whole = [seen.beside(seen.light(system_with(kind, lobes((1.0, 0.0, 0.0), cells_wide=w)))) for w in (4, 6, 9)]
+    assert left < 0.7 * min(whole)
+
+
+def test_a_lens_that_only_shifts_light_keeps_all_its_direction() -> None:
+    found, _ = shift_lens(shown("top", predicted(system_with("top", SKEWED))))
+    assert found.entry.kept == 1.0
 
 
 def test_a_pattern_without_symmetry_is_turned_to_both_sides() -> None:

@@ -63,6 +63,15 @@ def test_an_image_lies_where_its_shift_says(shift: tuple[float, float]) -> None:
     assert brightest(window(sends(shift))) == pytest.approx(SUN + np.array(shift), abs=0.05)
 
 
+@pytest.mark.parametrize("kept", [0.0, 0.4, 0.8])
+def test_a_lens_that_draws_light_keeps_a_share_of_its_direction(kept: float) -> None:
+    shift = (0.2, -0.1)
+    lens = dataclasses.replace(sends(shift), kept=kept)
+    assert brightest(window(lens)) == pytest.approx(kept * SUN + np.array(shift), abs=0.05)
+    turned = window(lens).with_settings({"entry.orientation_deg": 90.0})
+    assert brightest(turned) == pytest.approx(kept * SUN + np.array([0.1, 0.2]), abs=0.05)
+
+
 def test_a_pattern_is_turned_mirrored_and_lost() -> None:
     x, y = 0.36, 0.08
     lens = window(sends((x, y)))
