@@ -56,8 +56,8 @@ _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
 _NO_LAWS_OF_LEVEL: Final = frozenset({"projection-error", "vignetting", "clock-offset"})
 """What changes a picture by place or time: no random function of the level holds it."""
-_NO_LENS_DOES: Final = frozenset({UNREST.name, "sky-sun-ratio"})
-"""A lens is wrong at all hours and under all skies."""
+_NO_LENS_DOES: Final = frozenset({UNREST.name, "sky-sun-ratio", "saturation"})
+"""A lens is wrong at all hours and under all skies, and does not end at a level."""
 _LEFT_BY: Final = {
     COffset.id: UNREST.name,
     NearField.id: CircumsolarAureole.id,

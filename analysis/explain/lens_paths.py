@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.explain.densities import STRETCH
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, through
 from analysis.explain.ratios import Field, over
@@ -14,6 +15,7 @@ from analysis.explain.scattering import SCATTERED, SCATTERERS, partly, places_of
 from analysis.explain.trace_settings import (
     ANY_TURNS_DEG,
     ASLANT,
+    AXES_DEG,
     DEPTHS,
     DIAGONAL,
     FLAT,
@@ -22,6 +24,7 @@ from analysis.explain.trace_settings import (
     HAZES,
     ISOTROPIC,
     MIRRORED,
+    STRETCHED,
     TURNS_DEG,
     Setting,
     any_pattern,
@@ -135,7 +138,7 @@ def isotropy(traced: Tracing) -> Iterator[Path]:
         1.0,
         (0.1, 0.4, 1.0, 3.0),
     )
-    own = any(any_pattern(system) for system in traced.systems.values())
+    own = all(any_pattern(system) for system in traced.systems.values())
     for label, turn in PATTERNS.items():
         if own and turn:
             continue
@@ -145,6 +148,19 @@ def isotropy(traced: Tracing) -> Iterator[Path]:
             sun, sky = over(traced.wide(new, width), traced.wide(old, width))
             path = np.stack([one, sun]), np.stack([one, sky])
             yield Path(label + note, weight, np.array([0.0, 1.0]), *path, geometric=True)
+
+
+def stretches(traced: Tracing) -> Iterator[Path]:
+    """Lenses that send light further along one axis than across it, where they are densities of shifts.
+
+    That changes the logarithm of the light nearly in proportion, and as much the other way where the axis lies across.
+    """
+    what = "by how much further light is sent along an axis, and less far across it"
+    for axis in AXES_DEG:
+        along_it = f"{what} ({axis:.1f}°, from east to north)"
+        stretch = Parameter("stretch", "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
+        lit = {STRETCH: traced.lit(((STRETCHED, axis),))}
+        yield from through(traced, f"stretched along {axis:.1f}°", stretch, lit, 0.0, geometric=True)
 
 
 def _pattern(traced: Tracing, turn: Setting) -> tuple[Field, Field]:

@@ -72,7 +72,7 @@ def _prismatic(
     limit = _NO_PATTERN_IF_EVEN if even else _NO_PATTERN
     if _unlike(looks.values(), blurred) < limit * _unlike(looks.values(), best):
         best = blurred
-    elif shifted and _rms(unlike for _, unlike in shifted.values()) < BETTER * _unlike(looks.values(), best):
+    if shifted and _rms(unlike for _, unlike in shifted.values()) < BETTER * _unlike(looks.values(), best):
         return {}
     made = pool.map(partial(Look.hazy, even=even and best is blurred), looks.values(), best)
     return dict(zip(looks, made, strict=True))
@@ -100,12 +100,23 @@ def _rms(unlike: Iterable[float]) -> float:
 
 
 def _shifted(looks: Mapping[str, Look], pool: Executor) -> dict[str, tuple[System, float]]:
-    """All systems with densities of shifts, and how unlike they are; none where a prediction knows no pattern."""
+    """All systems with densities of shifts, and how unlike they are."""
     if not all(_may_have_density(look) for look in looks.values()):
         return {}
-    found = dict(zip(looks, pool.map(shift_lens, looks.values()), strict=True))
-    blurred = _rms(pool.map(lambda name: looks[name].beside(looks[name].light(patternless(found[name][0]))), looks))
-    return found if _rms(unlike for _, unlike in found.values()) < _NO_PATTERN * blurred else {}
+    return dict(zip(looks, pool.map(_density, looks.values()), strict=True))
+
+
+def _density(look: Look) -> tuple[System, float]:
+    """The density of shifts of one system; without a pattern, if the one that was found holds under no other sun.
+
+    (Of three other authors' fourteen boxes and tops with a pattern the one that was found left under the rest of the
+    suns .4 to .7 of what its mean left; of five without a pattern 1 to 1.1, though under its own .85 to 1.)
+    """
+    system, unlike = shift_lens(look)
+    even = patternless(system)
+    if look.far_and_wide(system) < _NO_PATTERN * look.far_and_wide(even):
+        return system, unlike
+    return even, look.beside(look.light(even))
 
 
 def _may_have_density(look: Look) -> bool:

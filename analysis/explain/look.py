@@ -91,16 +91,37 @@ def look_at(system: System, what: Predicted, tracers: Executor) -> "Look | None"
     if not places or not lit:
         return None
     lit.sort(key=lambda k: what.days[k].sun_altitude_deg)
-    chosen = sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
-    days = [what.days[k] for k in chosen]
     even = is_even(what.days, what.seen, what.sky, system.rotation_deg)
-    return Look(system, places, replace(what, days=days, seen=what.seen[chosen], sky=what.sky[chosen]), even, tracers)
+    chosen = _spread(lit)
+    seen, rest = (
+        replace(what, days=[what.days[k] for k in some], seen=what.seen[some], sky=what.sky[some])
+        for some in (chosen, _spread([k for k in lit if k not in chosen]))
+    )
+    others = Look(system, places, rest, even, tracers) if rest.days else None
+    return Look(system, places, seen, even, tracers, others)
+
+
+def _spread(lit: list[int]) -> list[int]:
+    """No more than so many of a list, as far apart in it as can be."""
+    return sorted({lit[round(x)] for x in np.linspace(0, len(lit) - 1, min(SUNS, len(lit)))})
 
 
 class Look:
-    """A system's sun part with other lenses, beside the predicted one; those to choose from are traced side by side."""
+    """A system's sun part with other lenses, beside the predicted one; those to choose from are traced side by side.
 
-    def __init__(self, system: System, places: list[str], what: Predicted, even: bool, tracers: Executor) -> None:
+    ``others`` are as many of its tests again under which nothing is looked for.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        places: list[str],
+        what: Predicted,
+        even: bool,
+        tracers: Executor,
+        others: "Look | None" = None,
+    ) -> None:
+        self.others = others
         self.system, self.places, self.field, self.even, self.tracers = system, places, what.field, even, tracers
         self.prismatic = all(getattr(system, place).kind == "prismatic" for place in places)
         self.days, self.raw = what.days, what.seen
@@ -176,6 +197,12 @@ class Look:
         """The least unlike of those turned by every other step, made better; as it is, if turns do not help."""
         best = self.least([prisms._replace(turn=k) for k in range(0, len(TURNS_DEG), 2)])
         return self.best([best]) if self.unlike(best) < BETTER * self.unlike(prisms) else prisms
+
+    def far_and_wide(self, system: System) -> float:
+        """How unlike a system is, those of its tests included under which nothing was looked for."""
+        looks = [self] if self.others is None else [self, self.others]
+        squares = [len(look.days) * look.beside(look.light(system)) ** 2 for look in looks]
+        return float(np.sqrt(sum(squares) / sum(len(look.days) for look in looks)))
 
     def beside(self, light: Floats) -> float:
         """Rms difference of the logarithms, with the sky's light where the prediction has it."""

@@ -4,13 +4,14 @@ What a path holds at each setting is our own simulation's ratio to itself as des
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Final
 
 import numpy as np
 
-from analysis.explain.lens_paths import dirt, hazes, isotropy, turns
+from analysis.explain.lens_paths import dirt, hazes, isotropy, stretches, turns
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, each, stacked, through
 from analysis.explain.ratios import Field, over
@@ -34,7 +35,7 @@ def paths_of(traced: Tracing, only: Collection[str] | None = None) -> dict[str, 
         "lens-haze": lambda: _every(traced, hazes(traced)),
         "soiling": lambda: _every(traced, dirt(traced)),
         "lens-orientation": lambda: _every(traced, turns(traced)),
-        "lens-anisotropy": lambda: _every(traced, isotropy(traced)),
+        "lens-anisotropy": lambda: _every(traced, itertools.chain(isotropy(traced), stretches(traced))),
         "wall-scatter": lambda: _every(traced, _scatter(traced)),
         "wall-reflectance": lambda: _reflectances(traced),
         "bounce-truncation": lambda: _every(traced, _limits(traced)),

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
+from analysis.explain.densities import fourfold, seen_by, stretched
 from analysis.explain.scattering import SCATTERERS, places_of, scattering
 from analysis.simulate.changes import lenses_of
 from analysis.simulate.system import System
@@ -24,6 +25,10 @@ ISOTROPIC: Final = ("isotropic", True)
 DIAGONAL: Final = ("rotation_deg", 45.0)
 ASLANT: Final = (("rotation_deg", 27.0), ("rotation_deg", 63.0))
 """How else the pattern may lie that a prediction did not know."""
+STRETCHED: Final = "stretched_deg"
+"""Lenses that are densities of shifts send light further along such an axis, and less far across it (`densities`)."""
+AXES_DEG: Final = (0.0, 22.5, 45.0, 67.5)
+"""Axes that are tried; a stretch along the other four is a negative one."""
 DIFFUSE_SHARES: Final = (0.15,)
 SCATTERS_DEG: Final = (5.0, 15.0)
 AUREOLES_DEG: Final = (3.0, 8.0)
@@ -41,7 +46,7 @@ SETTINGS_OF: Final[dict[str, tuple[str, ...]]] = {
     "lens-haze": ("haze", SCATTERER),
     "soiling": ("soiling", FLAT[0]),
     "lens-orientation": ("rotation_deg", "mirrored"),
-    "lens-anisotropy": ("isotropic", "rotation_deg"),
+    "lens-anisotropy": ("isotropic", "rotation_deg", STRETCHED),
     "wall-scatter": ("diffuse_fraction", "scatter_deg"),
 }
 """Settings that are traced for a mechanism; those of other mechanisms need none but the systems as described."""
@@ -80,6 +85,11 @@ def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
     rest = dict(setting)
     if "isotropic" in rest:
         rest["isotropic"] = not knows_no_pattern(system)
+        if knows_no_pattern(system):
+            rest |= {f"{p}.shifts": fourfold(getattr(system, p).shifts) for p in densities(system)}
+    if (axis_deg := rest.pop(STRETCHED, None)) is not None:
+        for p in densities(system):
+            rest |= {f"{p}.shifts": stretched(seen_by(getattr(system, p)), axis_deg), f"{p}.isotropic": False}
     if (place := rest.pop(SCATTERER, None)) is not None:
         rest[place] = dataclasses.asdict(scattering(getattr(system, place), rest.pop("scatters")))
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
@@ -102,15 +112,15 @@ def settings_of(system: System) -> list[Setting]:
         if system.rise_m > 0.0:
             made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
     made += [scatterer(place, kind) for place in places_of(system) for kind in SCATTERERS]
+    if densities(system):
+        made += [((STRETCHED, axis),) for axis in AXES_DEG]
     if any_pattern(system):
         made += [(ISOTROPIC,), (HALF_TURN,), (MIRRORED,), (MIRRORED, HALF_TURN)]
         made += [(("rotation_deg", t),) for t in ANY_TURNS_DEG]
+    elif knows_no_pattern(system):
+        made += [(ISOTROPIC,), *((ISOTROPIC, turn) for turn in (DIAGONAL, *ASLANT))]
     elif "prismatic" in (system.entry.kind, system.exit.kind):
-        made += [(ISOTROPIC,)]
-        if knows_no_pattern(system):
-            made += [(ISOTROPIC, turn) for turn in (DIAGONAL, *ASLANT)]
-        else:
-            made += [(("rotation_deg", t),) for t in TURNS_DEG]
+        made += [(ISOTROPIC,), *((("rotation_deg", t),) for t in TURNS_DEG)]
     if system.wall.finish == "specular":
         made += [(("diffuse_fraction", s),) for s in DIFFUSE_SHARES]
         made += [(("scatter_deg", s),) for s in SCATTERS_DEG]

@@ -17,7 +17,7 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
 from analysis.explain.ratios import Field, blurred_ratio, over
 from analysis.explain.readings import sun_at
-from analysis.explain.trace_settings import AUREOLES_DEG, SETTINGS_OF, Setting, on_top, settings_of
+from analysis.explain.trace_settings import AUREOLES_DEG, ISOTROPIC, SETTINGS_OF, Setting, on_top, settings_of
 from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight
 from analysis.simulate.lens import SAMPLES
@@ -68,6 +68,7 @@ class Tracing:
         self.systems = systems
         self.spread_deg = spread_deg or {}
         self._names = {s for m in (SETTINGS_OF if only is None else only) for s in SETTINGS_OF.get(m, ())}
+        self._diffusing = {s.id for s in case.setup.system if s.lens == "diffusing"}
         self._blurred: dict[float, Field] = {}
 
     @cached_property
@@ -106,7 +107,7 @@ class Tracing:
         ``rays`` for each sun; 0 takes `RAYS`, or fewer where there are many tests.
         """
         system = self.systems[name]
-        changes = [Change("", on_top(system, dict(s))) for s in self._settings(system)] if changed else []
+        changes = [Change("", on_top(system, dict(s))) for s in self._settings(name)] if changed else []
         return variants(
             system,
             days,
@@ -121,8 +122,10 @@ class Tracing:
             c_deg=np.append(C_DEG, 360.0),
         )
 
-    def _settings(self, system: System) -> list[Setting]:
-        return [setting for setting in settings_of(system) if setting[0][0] in self._names]
+    def _settings(self, name: str) -> list[Setting]:
+        """A system's settings; a lens that is called diffusing has no pattern that a simulation could lose."""
+        names = self._names - ({ISOTROPIC[0]} if name in self._diffusing else set())
+        return [setting for setting in settings_of(self.systems[name]) if setting[0][0] in names]
 
     def as_predicted(self, outcome: Outcome) -> Parts:
         """In the far field, or at the sensors, as the case's prediction is."""
@@ -155,7 +158,7 @@ class Tracing:
         """Both parts with the first of ``settings`` that a system has; as they are for systems that have none."""
         made = {}
         for name, run in self.runs.items():
-            mine = dict(zip(self._settings(self.systems[name]), (outcome for _, outcome in run.variants), strict=True))
+            mine = dict(zip(self._settings(name), (outcome for _, outcome in run.variants), strict=True))
             known = (mine[one] for one in settings if one in mine)
             made[name] = self.as_predicted(next(known, run.baseline))
         return self.spread(made)

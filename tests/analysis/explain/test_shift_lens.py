@@ -13,15 +13,26 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.likeness import likened
 from analysis.explain.look import Look, Predicted, look_at
 from analysis.explain.shift_lens import patternless, shift_lens
-from analysis.explain.trace_settings import ANY_TURNS_DEG, any_pattern, densities, settings_of
+from analysis.explain.trace_settings import (
+    ANY_TURNS_DEG,
+    AXES_DEG,
+    STRETCHED,
+    any_pattern,
+    densities,
+    on_top,
+    settings_of,
+)
+from analysis.simulate.changes import changed
 from analysis.simulate.components import Lens
-from analysis.simulate.daylight import daylight, sun_source
+from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.lens_shift import SIDE, cells
 from analysis.simulate.system import SYSTEMS, System
 from analysis.simulate.tracer import Settings, trace
 
 pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
 DAYS = [daylight(h, a, 80_000.0 * np.sin(np.radians(h)), 9_000.0, "perez") for h, a in ((28, 95), (44, 140), (63, 200))]
+
+SUNS = ((20, 80), (33, 110), (47, 150), (58, 190), (66, 230))
 
 
 def lobes(*shares: tuple[float, float, float], cells_wide: float = 2.5) -> Lens:
@@ -41,9 +52,9 @@ def system_with(kind: str, lens: Lens) -> System:
     return SYSTEMS[kind].with_settings({"rise_m": 0.0, "boot_height_m": 0.0}).replace(**dict.fromkeys(places, lens))
 
 
-def predicted(system: System, seed: int = 5) -> Floats:
+def predicted(system: System, seed: int = 5, days: list[Daylight] = DAYS) -> Floats:
     """Somebody's sun part of each test, (T, P, G) [cd]."""
-    source = sun_source(DAYS)
+    source = sun_source(days)
     assert source is not None
     tally = trace(system, source, Settings(rays=30_000, samples=2_048, sun_samples=2_048, seed=seed))
     return tally.intensity(GAMMA_DEG[None, :], C_DEG[:, None]).candela
@@ -135,6 +146,30 @@ def test_a_lens_that_draws_light_towards_its_normal_is_found(kind: str) -> None:
 def test_a_lens_that_only_shifts_light_keeps_all_its_direction() -> None:
     found, _ = shift_lens(shown("top", predicted(system_with("top", SKEWED))))
     assert found.entry.kept == 1.0
+
+
+def test_a_pattern_that_holds_under_no_other_sun_is_none() -> None:
+    """What few rays happen to do under three suns can be made of a density, but not under the next two."""
+    days = [daylight(h, a, 60_000.0 * np.sin(np.radians(h)), 9_000.0, "perez") for h, a in SUNS]
+    for lens, patterned in ((lobes((1.0, 0.0, 0.0), cells_wide=5.0), False), (SKEWED, True)):
+        seen = predicted(system_with("box", lens), 5, days)
+        found = likened({"it": SYSTEMS["box"]}, {"it": Predicted(days, seen, np.zeros_like(seen), 2.6, "far")})["it"]
+        assert densities(found.system) == ["entry", "exit"]
+        assert any_pattern(found.system) == patterned
+
+
+@pytest.mark.parametrize("kind", ["top", "box", "tube"])
+def test_what_a_lens_without_a_pattern_may_have_lost(kind: str) -> None:
+    plain = patternless(system_with(kind, SKEWED))
+    lost = [dict(setting) for setting in settings_of(plain) if setting[0][0] == "isotropic"]
+    assert [setting.get("rotation_deg", 0.0) for setting in lost] == [0.0, 45.0, 27.0, 63.0]
+    for setting in lost:
+        assert any_pattern(changed(plain, on_top(plain, setting)))
+    stretches = [dict(setting) for setting in settings_of(plain) if setting[0][0] == STRETCHED]
+    assert [setting[STRETCHED] for setting in stretches] == list(AXES_DEG)
+    for setting in stretches:
+        made = changed(plain, on_top(plain, setting))
+        assert any_pattern(made) and densities(made) == densities(plain)
 
 
 def test_a_pattern_without_symmetry_is_turned_to_both_sides() -> None:
