@@ -28,6 +28,7 @@ from analysis.explain.trace_settings import (
     TURNS_DEG,
     Setting,
     any_pattern,
+    densities,
     haze,
     knows_no_pattern,
     scatterer,
@@ -78,15 +79,12 @@ def _any_turns(traced: Tracing, what: str) -> Iterator[Path]:
 
 
 def hazes(traced: Tracing) -> Iterator[Path]:
-    """Haze to all sides, in both lenses or in either; of densities of shifts, also about where they send the light.
-
-    (Of another author's haze that is scattered forwards the former had 18 nats, the latter 71.)
-    """
+    """Haze to all sides, in both lenses or in either; of densities of shifts, also forwards (`scattering`)."""
     what = "share of the transmitted light that is scattered widely"
     share = Parameter("haze", "1", what, 0.0, 0.6, 0.12, (0.02, 0.06, 0.2))
     for label, where in HAZES.items():
         yield from along(traced, f"{label}, traced", share, {HAZE: haze(where)}, 0.0)
-    for kind in SCATTERERS:
+    for kind in SCATTERERS if any(densities(system) for system in traced.systems.values()) else ():
         yield from through(traced, f"{SCATTERED} {kind}, traced", share, {HAZE: _partly_scattered(traced, kind)}, 0.0)
 
 

@@ -12,8 +12,10 @@ from analysis.explain.asked import misfit
 from analysis.explain.fields import GAMMA_DEG, solid_angle
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
+from analysis.explain.found_lenses import lenses_of, told
 from analysis.explain.geometry import blurred
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.look import Likened
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
 from analysis.explain.mechanisms.states import terms_of
@@ -29,6 +31,7 @@ from labdaq.errors import DataError
 from tests.analysis.explain.campaign import TESTS, columns, make_case
 from tests.analysis.explain.test_apply import model
 from tests.analysis.explain.test_mechanisms import term
+from tests.analysis.explain.test_shift_lens import SKEWED, system_with
 
 BOX, TUBE = 0, 1
 pytestmark = pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
@@ -171,14 +174,19 @@ def test_what_was_found_on_flat_covers_is_simulated_again_on_them(
     assert deviates["dirt on flat covers, traced"] < 0.5 * deviates["dirt, traced"], deviates
 
 
-def test_haze_that_goes_on_forwards_is_simulated_again(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_haze_that_goes_on_forwards_is_simulated_again(
+    simulated: OwnSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of lenses that are densities of shifts."""
     monkeypatch.setattr(again, "RAYS", 20_000)
+    dense = lenses_of(told({kind: Likened(system_with(kind, SKEWED)) for kind in ("box", "tube")}))
+    scene = scene_of(simulated.case, simulator_of(simulated.case, {"lens-haze"}, dense))
     for way in ("scattered forwards, traced", "scattered wide, traced"):
-        told, share = (term(scene, "lens-haze", way),), np.array([0.15])
-        found = again.simulated_again(scene, told, share)
+        hazy, share = (term(scene, "lens-haze", way),), np.array([0.15])
+        found = again.simulated_again(scene, hazy, share)
         assert found is not None and found.ids == ("lens-haze",)
         fitted, simulated = (
-            np.log(x / scene.readings.simulated) for x in (predict(scene, told, share), found.predicted)
+            np.log(x / scene.readings.simulated) for x in (predict(scene, hazy, share), found.predicted)
         )
         assert np.std(fitted) > 0.05
         assert np.std(simulated - fitted) < 0.4 * np.std(fitted)
