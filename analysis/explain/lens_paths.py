@@ -149,11 +149,13 @@ def isotropy(traced: Tracing) -> Iterator[Path]:
 
 
 def stretches(traced: Tracing) -> Iterator[Path]:
-    """Lenses that send light further along one axis than across it, where they are densities of shifts.
+    """Lenses that send light further along one axis than across it, where they are densities that know no pattern.
 
     That changes the logarithm of the light nearly in proportion, and as much the other way where the axis lies across.
     """
     what = "by how much further light is sent along an axis, and less far across it"
+    if not any(densities(system) and not any_pattern(system) for system in traced.systems.values()):
+        return
     for axis in AXES_DEG:
         along_it = f"{what} ({axis:.1f}°, from east to north)"
         stretch = Parameter("stretch", "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
