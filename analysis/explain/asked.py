@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from analysis.explain.conclusion import Conclusion, of_another_lens
+from analysis.explain.densities import STRETCH_OF
 from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
@@ -46,6 +47,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
     NAME_STANDING_IN,
+    NAME_STRETCHED,
     NEVER,
     RIGHT_LENS,
     THIRD,
@@ -104,6 +106,8 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_STANDING_IN
     if blurs(h.fit):
         return NAME_FIRST_FAR
+    if any(_stretches(t) for t in h.fit.terms):
+        return NAME_STRETCHED
     if any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
@@ -136,6 +140,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     left_by_it = _LEFT_BY.get(new) in base.ids and not all(t.branch.of_case for t in added)
     if left_by_it or blurs(best.fit, new):
         return times * NAME_FIRST_FAR + left
+    if any(_stretches(t) for t in added):
+        return times * NAME_STRETCHED + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
     if random:
@@ -189,6 +195,11 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
     return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
+
+
+def _stretches(term: Term) -> bool:
+    """Whether a lens is stretched."""
+    return any(p.name == STRETCH_OF for p in term.parameters)
 
 
 def _wrong(term: Term) -> float:

@@ -9,6 +9,8 @@ from analysis.cases.model import Floats
 from analysis.simulate.components import Lens
 from analysis.simulate.lens_shift import SIDE, cells
 
+STRETCH_OF: Final = "stretch"
+"""The parameter that tells how far a lens is stretched."""
 STRETCH: Final = 0.25
 """By so much further along an axis, and less far across it, light is sent in what is traced of a stretch."""
 _STEP: Final = float(cells()[1] - cells()[0])

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.explain.densities import STRETCH
+from analysis.explain.densities import STRETCH, STRETCH_OF
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, through
 from analysis.explain.ratios import Field, over
@@ -149,16 +149,16 @@ def isotropy(traced: Tracing) -> Iterator[Path]:
 
 
 def stretches(traced: Tracing) -> Iterator[Path]:
-    """Lenses that send light further along one axis than across it, where they are densities that know no pattern.
+    """Lenses that send light further along one axis than across it, where they are densities of shifts.
 
     That changes the logarithm of the light nearly in proportion, and as much the other way where the axis lies across.
     """
     what = "by how much further light is sent along an axis, and less far across it"
-    if not any(densities(system) and not any_pattern(system) for system in traced.systems.values()):
+    if not any(densities(system) for system in traced.systems.values()):
         return
     for axis in AXES_DEG:
         along_it = f"{what} ({axis:.1f}°, from east to north)"
-        stretch = Parameter("stretch", "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
+        stretch = Parameter(STRETCH_OF, "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
         lit = {STRETCH: traced.lit(((STRETCHED, axis),))}
         yield from through(traced, f"stretched along {axis:.1f}°", stretch, lit, 0.0, geometric=True)
 

@@ -58,6 +58,9 @@ NAME_STANDING_IN = 90.0
 """And what is told by a form that stands in for another (`Branch.stands_in`), first or beside others: whatever widens
 an image is like it. (On four other authors' skylights two walls that scatter, told so, were turned lenses, with 65 and
 82 nats, and two that were dirt beside others were false; a true one had 112.)"""
+NAME_STRETCHED = 36.0
+"""And a lens that is stretched, first or beside others: eight axes bend to much. (Of two other authors' three that were
+true have 66 to 84 nats, one beside an offset 40; a null has 30, a lens that is turned 32.)"""
 NARROW_DEG = 1.8
 """The same of an aureole that spreads the sun's light by less than this (rms): a lens simulated a little wrong does so,
 by 1.2° as usual. (One of our own, false, of 1.4° gained 30.)"""

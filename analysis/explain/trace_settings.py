@@ -26,8 +26,7 @@ DIAGONAL: Final = ("rotation_deg", 45.0)
 ASLANT: Final = (("rotation_deg", 27.0), ("rotation_deg", 63.0))
 """How else the pattern may lie that a prediction did not know."""
 STRETCHED: Final = "stretched_deg"
-"""Lenses that are densities of shifts without a pattern send light further along such an axis, and less far across it
-(`densities`). (Of one with a pattern that lay turned by 90° a stretch told most, with 32 nats.)"""
+"""Lenses that are densities of shifts send light further along such an axis, and less far across it (`densities`)."""
 AXES_DEG: Final = (0.0, 22.5, 45.0, 67.5)
 """Axes that are tried; a stretch along the other four is a negative one."""
 DIFFUSE_SHARES: Final = (0.15,)
@@ -113,7 +112,7 @@ def settings_of(system: System) -> list[Setting]:
         if system.rise_m > 0.0:
             made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
     made += [scatterer(place, kind) for place in places_of(system) for kind in SCATTERERS]
-    if densities(system) and not any_pattern(system):
+    if densities(system):
         made += [((STRETCHED, axis),) for axis in AXES_DEG]
     if any_pattern(system):
         made += [(ISOTROPIC,), (HALF_TURN,), (MIRRORED,), (MIRRORED, HALF_TURN)]
