@@ -25,6 +25,7 @@ from analysis.explain.trace_settings import (
     ISOTROPIC,
     MIRRORED,
     STRETCHED,
+    TRACED_AXES_DEG,
     TURNS_DEG,
     Setting,
     any_pattern,
@@ -151,16 +152,22 @@ def isotropy(traced: Tracing) -> Iterator[Path]:
 def stretches(traced: Tracing) -> Iterator[Path]:
     """Lenses that send light further along one axis than across it, where they are densities of shifts.
 
-    That changes the logarithm of the light nearly in proportion, and as much the other way where the axis lies across.
+    That changes the logarithm of the light nearly in proportion, as much the other way where the axis lies across, and
+    aslant as both together do.
     """
     what = "by how much further light is sent along an axis, and less far across it"
     if not any(densities(system) for system in traced.systems.values()):
         return
-    for axis in AXES_DEG:
-        along_it = f"{what} ({axis:.1f}°, from east to north)"
-        stretch = Parameter(STRETCH_OF, "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
-        lit = {STRETCH: traced.lit(((STRETCHED, axis),))}
-        yield from through(traced, f"stretched along {axis:.1f}°", stretch, lit, 0.0, geometric=True)
+    one = np.ones_like(traced.base[0])
+    for width, note in EVENED_DEG.items():
+        east, aslant = (traced.over_base(traced.lit(((STRETCHED, axis),)), width) for axis in TRACED_AXES_DEG)
+        for axis in AXES_DEG:
+            c, s = np.cos(np.radians(2.0 * axis)), np.sin(np.radians(2.0 * axis))
+            sun, sky = (np.stack([one, e**c * a**s]) for e, a in zip(east, aslant, strict=True))
+            along_it = f"{what} ({axis:.1f}°, from east to north)"
+            stretch = Parameter(STRETCH_OF, "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
+            label = f"stretched along {axis:.1f}°{note}"
+            yield Path(label, stretch, np.array([0.0, STRETCH]), sun, sky, geometric=True)
 
 
 def _pattern(traced: Tracing, turn: Setting) -> tuple[Field, Field]:

@@ -20,8 +20,7 @@ from analysis.simulate.system import LENS_PLACES, System
 SCATTERED: Final = "scattered"
 SCATTERERS: Final[dict[str, tuple[float, float]]] = {
     "forwards": (0.4, 1.0),
-    "more forwards than sidewards": (0.45, 0.7),
-    "wide": (0.6, 0.5),
+    "more widely": (0.45, 0.7),
 }
 """How widely (rms in direction cosines), and about which share of light's own: as a rough surface, and a turbid sheet.
 (Of one author's haze of 5.5 % the first had 127 nats, the second 146, haze to all sides 18; of another's of 3.9 %, in

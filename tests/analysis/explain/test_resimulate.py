@@ -181,7 +181,7 @@ def test_haze_that_goes_on_forwards_is_simulated_again(
     monkeypatch.setattr(again, "RAYS", 20_000)
     dense = lenses_of(told({kind: Likened(system_with(kind, SKEWED)) for kind in ("box", "tube")}))
     scene = scene_of(simulated.case, simulator_of(simulated.case, {"lens-haze"}, dense))
-    for way in ("scattered forwards, traced", "scattered wide, traced"):
+    for way in ("scattered forwards, traced", "scattered more widely, traced"):
         hazy, share = (term(scene, "lens-haze", way),), np.array([0.15])
         found = again.simulated_again(scene, hazy, share)
         assert found is not None and found.ids == ("lens-haze",)

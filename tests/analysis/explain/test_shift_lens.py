@@ -15,8 +15,8 @@ from analysis.explain.look import Look, Predicted, look_at
 from analysis.explain.shift_lens import patternless, shift_lens
 from analysis.explain.trace_settings import (
     ANY_TURNS_DEG,
-    AXES_DEG,
     STRETCHED,
+    TRACED_AXES_DEG,
     any_pattern,
     densities,
     on_top,
@@ -166,7 +166,7 @@ def test_what_a_lens_without_a_pattern_may_have_lost(kind: str) -> None:
     for setting in lost:
         assert any_pattern(changed(plain, on_top(plain, setting)))
     stretches = [dict(setting) for setting in settings_of(plain) if setting[0][0] == STRETCHED]
-    assert [setting[STRETCHED] for setting in stretches] == list(AXES_DEG)
+    assert [setting[STRETCHED] for setting in stretches] == list(TRACED_AXES_DEG)
     for setting in stretches:
         made = changed(plain, on_top(plain, setting))
         assert any_pattern(made) and densities(made) == densities(plain)
