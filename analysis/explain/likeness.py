@@ -109,8 +109,8 @@ def _shifted(looks: Mapping[str, Look], pool: Executor) -> dict[str, tuple[Syste
 def _density(look: Look) -> tuple[System, float]:
     """The density of shifts of one system; without a pattern, if the one that was found holds under no other sun.
 
-    (Of three other authors' nine boxes and tops with a pattern the one that was found left under the rest of the suns .4
-    to .75 of what its mean left; of four without a pattern 1 to 1.1, though under its own .85 to 1.)
+    (Of three other authors' nine boxes and tops with a pattern the one that was found left under the other suns
+    .4 to .75 of what its mean left; of four without a pattern 1 to 1.1, though under its own .85 to 1.)
     """
     system, unlike = shift_lens(look)
     even = patternless(system)
