@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.cases import Case
-from analysis.cases.model import USUAL_ARM_M, Floats
+from analysis.cases.model import Floats
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
@@ -23,13 +23,11 @@ from analysis.explain.roomlight import DarkRoom, inside
 from analysis.explain.scattering import SCATTERED, partly, places_of
 from analysis.explain.scene import Light, Scene
 from analysis.explain.trace_settings import HAZES, on_top, scatterer
-from analysis.explain.tracing import SHARP_SIDE, SUN_SAMPLES, daylight_of
+from analysis.explain.tracing import as_predicted, daylight_of, simulated
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
-from analysis.simulate.lens import SAMPLES
 from analysis.simulate.room import Room
 from analysis.simulate.system import System
-from analysis.simulate.variants import variants
 from labdaq.errors import ConfigError
 
 RAYS = 60_000
@@ -166,19 +164,9 @@ def _simulated(case: Case, system: System, tests: list[int], late: float, change
     rest = {key: value for key, value in change.items() if not key.startswith(SCATTERED)}
     shares = {key.removeprefix(f"{SCATTERED} "): share for key, share in change.items() if key not in rest}
     wholes = [dict(scatterer(place, kind)) for kind in shares for place in places_of(system)]
-    made = variants(
-        system,
-        [daylight_of(case, k, late) for k in tests],
-        [Change("", on_top(system, rest | whole)) for whole in ({}, *wholes)],
-        distance_m=case.setup.distance_m or USUAL_ARM_M,
-        rays=RAYS,
-        sun_samples=SUN_SAMPLES,
-        samples=SAMPLES,
-        sharp_side=SHARP_SIDE,
-        gamma_deg=GAMMA_DEG,
-        c_deg=np.append(C_DEG, 360.0),
-    )
-    lit = [made.near if case.setup.simulation.field == "near" else made.far for _, made in made.variants]
+    days = [daylight_of(case, k, late) for k in tests]
+    made = simulated(case, system, days, [Change("", on_top(system, rest | whole)) for whole in ({}, *wholes)], RAYS)
+    lit = [as_predicted(case, outcome) for _, outcome in made.variants]
     sun, sky = ([part[:, :-1] for part in parts] for parts in zip(*((x.sun, x.sky) for x in lit), strict=True))
     share = sum(shares.values())  # of one kind: a haze has one form
     return partly(sun[0], sun[1:], share), partly(sky[0], sky[1:], share)

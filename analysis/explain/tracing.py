@@ -108,19 +108,7 @@ class Tracing:
         """
         system = self.systems[name]
         changes = [Change("", on_top(system, dict(s))) for s in self._settings(name)] if changed else []
-        return variants(
-            system,
-            days,
-            changes,
-            distance_m=self.case.setup.distance_m or USUAL_ARM_M,
-            rays=rays or int(self._share * RAYS),
-            sun_samples=SUN_SAMPLES,
-            samples=SAMPLES,
-            sharp_side=SHARP_SIDE,
-            sky=sky,
-            gamma_deg=GAMMA_DEG,
-            c_deg=np.append(C_DEG, 360.0),
-        )
+        return simulated(self.case, system, days, changes, rays or int(self._share * RAYS), sky=sky)
 
     def _settings(self, name: str) -> list[Setting]:
         """A system's settings; a lens that is called diffusing has no pattern that a simulation could lose."""
@@ -128,8 +116,8 @@ class Tracing:
         return [setting for setting in settings_of(self.systems[name]) if setting[0][0] in names]
 
     def as_predicted(self, outcome: Outcome) -> Parts:
-        """In the far field, or at the sensors, as the case's prediction is."""
-        return outcome.near if self.case.setup.simulation.field == "near" else outcome.far
+        """See the function of that name."""
+        return as_predicted(self.case, outcome)
 
     def by_bounce(self, run: VariantSet, *, boot: bool = False) -> Field:
         """Both parts of one system as predicted, by bounces on its wall (and on its boot), (bounces, tests, P, G)."""
@@ -207,6 +195,33 @@ class Tracing:
             flux = [np.sum(field[rows] * solid_angle(), axis=(1, 2)) for field in (total, sun + sky)]
             made[rows] = sky[rows] * np.median(flux[0] / np.maximum(flux[1], 1e-12))
         return made
+
+
+def simulated(
+    case: Case, system: System, days: list[Daylight], changes: list[Change], rays: int, *, sky: bool = True
+) -> VariantSet:
+    """A system under some daylights, as it is and with each change, on the grid of `analysis.explain.fields`.
+
+    ``rays`` for each sun.
+    """
+    return variants(
+        system,
+        days,
+        changes,
+        distance_m=case.setup.distance_m or USUAL_ARM_M,
+        rays=rays,
+        sun_samples=SUN_SAMPLES,
+        samples=SAMPLES,
+        sharp_side=SHARP_SIDE,
+        sky=sky,
+        gamma_deg=GAMMA_DEG,
+        c_deg=np.append(C_DEG, 360.0),
+    )
+
+
+def as_predicted(case: Case, outcome: Outcome) -> Parts:
+    """In the far field, or at the sensors, as the case's prediction is."""
+    return outcome.near if case.setup.simulation.field == "near" else outcome.far
 
 
 def daylight_of(case: Case, k: int, minutes: float) -> Daylight:

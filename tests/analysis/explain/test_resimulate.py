@@ -44,7 +44,6 @@ def few_rays() -> Iterator[None]:
         patch.setattr(tracing, "RAYS", 20_000)
         patch.setattr(tracing, "MORE_RAYS", 20_000)
         patch.setattr(tracing, "SAMPLES", 1_024)
-        patch.setattr(again, "SAMPLES", 1_024)
         patch.setattr(look, "SAMPLES", 512)
         patch.setattr(settings, "MINUTES", (-15.0, 15.0))
         yield
