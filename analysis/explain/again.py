@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats
+from analysis.explain.densities import densities
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage, Term, predict
 from analysis.explain.mechanisms.retraced import WELL_AND_LENS
@@ -20,7 +21,7 @@ from analysis.explain.path_making import EVENED
 from analysis.explain.ratios import Field, ratio
 from analysis.explain.retrace import Path
 from analysis.explain.roomlight import DarkRoom, inside
-from analysis.explain.scattering import SCATTERED, partly, places_of
+from analysis.explain.scattering import SCATTERED, partly
 from analysis.explain.scene import Light, Scene
 from analysis.explain.trace_settings import HAZES, on_top, scatterer
 from analysis.explain.tracing import as_predicted, daylight_of, simulated
@@ -163,7 +164,7 @@ def _simulated(case: Case, system: System, tests: list[int], late: float, change
     """Both parts (T, P, G) of one system as changed, under the daylight of its tests some minutes later."""
     rest = {key: value for key, value in change.items() if not key.startswith(SCATTERED)}
     shares = {key.removeprefix(f"{SCATTERED} "): share for key, share in change.items() if key not in rest}
-    wholes = [dict(scatterer(place, kind)) for kind in shares for place in places_of(system)]
+    wholes = [dict(scatterer(place, kind)) for kind in shares for place in densities(system)]
     days = [daylight_of(case, k, late) for k in tests]
     made = simulated(case, system, days, [Change("", on_top(system, rest | whole)) for whole in ({}, *wholes)], RAYS)
     lit = [as_predicted(case, outcome) for _, outcome in made.variants]

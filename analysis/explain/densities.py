@@ -1,4 +1,7 @@
-"""What may be done to a lens that is a density of shifts: its mean over all turns, a pattern of four, a stretch."""
+"""Lenses that are densities of shifts: where a system has them, and what may be done to one.
+
+Its mean over all turns, a pattern of four, a stretch.
+"""
 
 from typing import Final
 
@@ -8,6 +11,7 @@ from scipy.ndimage import map_coordinates
 from analysis.cases.model import Floats
 from analysis.simulate.components import Lens
 from analysis.simulate.lens_shift import SIDE, cells
+from analysis.simulate.system import System
 
 STRETCH_OF: Final = "stretch"
 """The parameter that tells how far a lens is stretched."""
@@ -16,6 +20,11 @@ STRETCH: Final = 0.25
 _STEP: Final = float(cells()[1] - cells()[0])
 _X, _Y = np.meshgrid(cells(), cells(), indexing="ij")
 _RING: Final = np.rint(np.hypot(_X, _Y) / _STEP).astype(np.intp)
+
+
+def densities(system: System) -> list[str]:
+    """Where a system has lenses that are densities of shifts."""
+    return [place for place in ("entry", "exit") if getattr(system, place).kind == "shift"]
 
 
 def even(shifts: tuple[float, ...]) -> Floats:

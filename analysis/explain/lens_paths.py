@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.explain.densities import STRETCH, STRETCH_OF
+from analysis.explain.densities import STRETCH, STRETCH_OF, densities
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, through
 from analysis.explain.ratios import Field, over
 from analysis.explain.retrace import Path
-from analysis.explain.scattering import SCATTERED, SCATTERERS, partly, places_of
+from analysis.explain.scattering import SCATTERED, SCATTERERS, partly
 from analysis.explain.trace_settings import (
     ANY_TURNS_DEG,
     ASLANT,
@@ -29,7 +29,6 @@ from analysis.explain.trace_settings import (
     TURNS_DEG,
     Setting,
     any_pattern,
-    densities,
     haze,
     knows_no_pattern,
     scatterer,
@@ -96,7 +95,7 @@ def _partly_scattered(traced: Tracing, kind: str) -> Field:
     for name, days in traced.days.items():
         rows = [k for k, _ in days]
         for k, part in enumerate(made):
-            part[rows] = partly(part[rows], [lit[place][k][rows] for place in places_of(traced.systems[name])], HAZE)
+            part[rows] = partly(part[rows], [lit[place][k][rows] for place in densities(traced.systems[name])], HAZE)
     return made[0], made[1]
 
 

@@ -3,6 +3,10 @@
 Haze to all sides is a setting of our engine's lenses. This one is none: a lens that scatters all light is traced in
 place of the lens, and a share of what that makes stands for as much of the light (light adds; of two lenses in one
 skylight a share of each to first order). It is given as much light as it replaces: haze takes none.
+
+That is done to densities of shifts alone. Where prisms were supposed, images lie elsewhere than predicted, and what
+blurs them looks like haze. (Beside prisms an author's lost pattern was told as a haze, with 63 nats; none that was true
+was found so.)
 """
 
 import dataclasses
@@ -15,7 +19,6 @@ from analysis.cases.model import Floats
 from analysis.explain.fields import solid_angle
 from analysis.simulate.components import Lens
 from analysis.simulate.lens_shift import cells
-from analysis.simulate.system import LENS_PLACES, System
 
 SCATTERED: Final = "scattered"
 SCATTERERS: Final[dict[str, tuple[float, float]]] = {
@@ -25,15 +28,6 @@ SCATTERERS: Final[dict[str, tuple[float, float]]] = {
 """How widely (rms in direction cosines), and about which share of light's own: as a rough surface, and a turbid sheet.
 (Of one author's haze of 5.5 % the first had 127 nats, the second 146, haze to all sides 18; of another's of 3.9 %, in
 lobes half as wide again, 34, 30 and 10.)"""
-
-
-def places_of(system: System) -> list[str]:
-    """Where a system has lenses of which some light may be scattered: densities of shifts.
-
-    Where prisms were supposed, images lie elsewhere than predicted, and what blurs them looks like haze. (Beside prisms
-    a further author's lost pattern was told as a haze, with 63 nats; none that was true was found so.)
-    """
-    return [place for place in LENS_PLACES.get(system.kind, ()) if getattr(system, place).kind == "shift"]
 
 
 def scattering(lens: Lens, kind: str) -> Lens:

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.signal import fftconvolve
 
 from analysis.cases.model import Floats
+from analysis.explain.densities import densities
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.look import BETTER, Look
 from analysis.simulate.components import Lens
@@ -95,8 +96,7 @@ def _fitted(look: Look, kept: float, than: float = np.inf) -> tuple[System, floa
 
 def patternless(system: System) -> System:
     """The system with lenses that send light alike to all sides."""
-    places = [place for place in ("entry", "exit") if getattr(system, place).kind == "shift"]
-    return system.with_settings({f"{place}.isotropic": True for place in places})
+    return system.with_settings({f"{place}.isotropic": True for place in densities(system)})
 
 
 def _begun() -> Floats:

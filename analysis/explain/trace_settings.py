@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-from analysis.explain.densities import fourfold, seen_by, stretched
-from analysis.explain.scattering import SCATTERERS, places_of, scattering
+from analysis.explain.densities import densities, fourfold, seen_by, stretched
+from analysis.explain.scattering import SCATTERERS, scattering
 from analysis.simulate.changes import lenses_of
 from analysis.simulate.system import System
 
@@ -69,11 +69,6 @@ def any_pattern(system: System) -> bool:
     return any(not getattr(system, place).isotropic for place in densities(system))
 
 
-def densities(system: System) -> list[str]:
-    """Where a system has lenses that are densities of shifts."""
-    return [place for place in ("entry", "exit") if getattr(system, place).kind == "shift"]
-
-
 def scatterer(place: str, kind: str) -> Setting:
     """The setting of a lens that scatters all light."""
     return ((SCATTERER, place), ("scatters", kind))
@@ -113,7 +108,7 @@ def settings_of(system: System) -> list[Setting]:
         made += [(("soiling", depth),) for depth in DEPTHS]
         if system.rise_m > 0.0:
             made += [(FLAT,), *((("soiling", depth), FLAT) for depth in DEPTHS)]
-    made += [scatterer(place, kind) for place in places_of(system) for kind in SCATTERERS]
+    made += [scatterer(place, kind) for place in densities(system) for kind in SCATTERERS]
     if densities(system):
         made += [((STRETCHED, axis),) for axis in TRACED_AXES_DEG]
     if any_pattern(system):

@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cases.model import Floats
+from analysis.explain.densities import densities
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
 from analysis.explain.geometry import blurred
-from analysis.explain.scattering import SCATTERERS, partly, places_of
+from analysis.explain.scattering import SCATTERERS, partly
 from analysis.explain.trace_settings import on_top, scatterer, settings_of
 from analysis.simulate.changes import changed
 from analysis.simulate.lens_shift import SIDE, cells
@@ -41,9 +42,9 @@ def test_light_of_one_lens_adds(share: float, seed: int) -> None:
 @pytest.mark.parametrize(("kind", "places"), [("top", ["entry"]), ("box", ["entry", "exit"]), ("tube", ["exit"])])
 def test_each_lens_is_made_one_that_scatters(kind: str, places: list[str]) -> None:
     """Of densities of shifts; supposed prisms are none, nor is the clear dome of a tube."""
-    assert places_of(SYSTEMS[kind]) == []
+    assert densities(SYSTEMS[kind]) == []
     system = system_with(kind, SKEWED)
-    assert places_of(system) == places
+    assert densities(system) == places
     settings = settings_of(system)
     for place in places:
         for scatters, (width, kept) in SCATTERERS.items():

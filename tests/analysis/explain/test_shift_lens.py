@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from analysis.cases.model import Floats
 from analysis.explain import likeness
+from analysis.explain.densities import densities
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.likeness import likened
 from analysis.explain.look import Look, Predicted, look_at
@@ -18,7 +19,6 @@ from analysis.explain.trace_settings import (
     STRETCHED,
     TRACED_AXES_DEG,
     any_pattern,
-    densities,
     on_top,
     settings_of,
 )
