@@ -11,12 +11,13 @@ from analysis.explain import asked
 from analysis.explain.conclude import _likeliest, _name_two_together
 from analysis.explain.conclusion import Conclusion, of_another_lens
 from analysis.explain.families import CLOUD, SHUTTER
-from analysis.explain.fit import Fit, Fitter
+from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
+from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
@@ -40,6 +41,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NAME_STRETCHED,
     NARROW_DEG,
     NEVER,
     NO_DISC,
@@ -101,10 +103,23 @@ def test_an_arm_that_points_a_little_elsewhere_is_no_name(arm: Scene, more: tupl
     assert (least["c-offset"] > alone) == bool(more)
 
 
+@pytest.mark.parametrize("name", ["sky-sun-ratio", "saturation"])
 @pytest.mark.parametrize(("other", "ahead"), [(4.0, True), (40.0, False)])
-def test_a_split_far_ahead_may_change_little(arm: Scene, other: float, ahead: bool) -> None:
-    found = decided(arm, ("sky-sun-ratio", 60.0), ("lens-haze", other))
+def test_what_no_lens_does_may_change_little_if_far_ahead(arm: Scene, name: str, other: float, ahead: bool) -> None:
+    found = decided(arm, (name, 60.0), ("lens-haze", other))
     assert asked.least_effect(found.best, found) == (LEAST_EFFECT_FAR_AHEAD if ahead else LEAST_EFFECT_FIRST)
+
+
+@pytest.mark.parametrize(("name", "stretched"), [("weight", False), ("stretch", True)])
+def test_a_stretched_lens_must_gain_more_first_and_beside(arm: Scene, name: str, stretched: bool) -> None:
+    along = Parameter(name, "1", "of a lens", -0.7, 0.7, 0.15, (0.1,))
+    term, no = Term(BY_ID["lens-anisotropy"], Branch("so"), (along,)), np.zeros(0)
+    nothing = Hypothesis(Fit((), no, no, no, hyper=MIDDLE), 0.0)
+    h = Hypothesis(Fit((term,), np.array([0.1]), no, no, hyper=MIDDLE), 50.0)
+    found = Conclusion(nothing, nothing, [h])
+    assert (asked.first(h, found, 1.0) == NAME_STRETCHED) == stretched
+    beside = asked.beside(h, nothing, found, "lens-anisotropy", random=False)
+    assert (beside >= NAME_STRETCHED) == stretched
 
 
 @pytest.mark.parametrize(("tilt_deg", "first"), [((6.0, -4.0), True), ((3.0, -12.0), False)])

@@ -26,6 +26,12 @@ def test_dirt_that_scatters_stands_in(arm: Scene) -> None:
         assert [w.label for w in ways if w.stands_in] == [w.label for w in ways if w.label.endswith("scattering")]
 
 
+def test_what_lets_most_of_what_it_takes_go_on_is_no_dirt(arm: Scene) -> None:
+    """A haze does, and where the sun's light goes on as the sky's, another split of the two."""
+    ways = [t for t in terms_of(BY_ID["soiling"], arm) if t.branch.stands_in]
+    assert {p.high for t in ways for p in t.parameters if p.name == "scattered_on"} == {0.6}
+
+
 def test_a_share_of_what_it_gains_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of dirt that scatters two thirds of its evidence are left, as a first name and beside others."""
     scene = Scene(Readings.of(make_case(tmp_path, effects.scattering_dirt(0.2, 0.5), tests=TESTS[::2])))
