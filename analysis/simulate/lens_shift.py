@@ -61,9 +61,9 @@ def _drawn(shifts: tuple[float, ...], shape: tuple[int, int], rng: np.random.Gen
     """Differences (N, M, 2), evenly spread over the density and in no order."""
     rows, each = shape if shape[1] > 1 else (1, shape[0])
     places = (np.arange(each) + rng.random((rows, each))) / each
-    places = rng.permuted(places, axis=1).reshape(shape)
     share = np.cumsum(shifts)
-    cell = np.minimum(np.searchsorted(share, places * share[-1]), len(shifts) - 1)
+    cell = np.minimum(np.searchsorted(share, places * share[-1]), len(shifts) - 1)  # in order: found sooner
+    cell = rng.permuted(cell, axis=1).reshape(shape)
     side = math.isqrt(len(shifts))
     step = 2.0 * REACH / (side - 1)
     inside = rng.random((*shape, 2)) - 0.5
@@ -73,19 +73,17 @@ def _drawn(shifts: tuple[float, ...], shape: tuple[int, int], rng: np.random.Gen
 def shift_tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
     """Scatter tables for light from above and for light from below, in parts, on `wide_nodes` of ``half``.
 
-    Orientation, mirroring, isotropy, haze and soiling belong to the tracer; the last few tables are remembered.
+    They are one, as both faces do the same to direction cosines. Orientation, mirroring, isotropy, haze and soiling
+    belong to the tracer; the last few tables are remembered.
     """
     optics = {name: getattr(lens, name) for name in _OPTICAL}
-    return _tables(dataclasses.replace(Lens(), kind="shift", **optics), samples, half)
+    table = _table(dataclasses.replace(Lens(), kind="shift", **optics), samples, half)
+    return table, table
 
 
 @functools.lru_cache(maxsize=8)
-def _tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
+def _table(lens: Lens, samples: int, half: int) -> Table:
     count = max(samples // 2 if half == SHIFT_HALF else samples // 16, LEAST)
-    down = wide_nodes(half)
-    made = []
-    for sent in (down, down * np.array([1.0, 1.0, -1.0])):
-        rng = np.random.default_rng([_STREAM, count, half])
-        out, weight = shift_samples(lens, False, sent, count, rng)
-        made.append(in_parts(packed(out, sent[:, None, :], weight)))
-    return made[0], made[1]
+    sent = wide_nodes(half)
+    out, weight = shift_samples(lens, False, sent, count, np.random.default_rng([_STREAM, count, half]))
+    return in_parts(packed(out, sent[:, None, :], weight))
