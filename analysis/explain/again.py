@@ -5,7 +5,7 @@ traced once more with exactly the settings found, all of them together, and the 
 agree with the recording alike, the found physics does in a simulation what the fit says.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from analysis.explain.retrace import Path
 from analysis.explain.roomlight import DarkRoom, inside
 from analysis.explain.scattering import SCATTERED, partly
 from analysis.explain.scene import Light, Scene
-from analysis.explain.trace_settings import HAZES, on_top, scatterer
+from analysis.explain.trace_settings import HAZES, STRETCH_OF, STRETCHED, on_top, scatterer
 from analysis.explain.tracing import as_predicted, daylight_of, simulated
 from analysis.photometry import Distribution
 from analysis.simulate.changes import Change
@@ -41,6 +41,7 @@ SETTING_OF = {
     "scatter_deg": "scatter_deg",
     "wall_reflectance": "wall_reflectance",
     "offset_min": "minutes",
+    STRETCH_OF: STRETCH_OF,
 }
 """Parameter of a path to the simulator's setting; minutes move the sun."""
 _OF_ALL = {ClockOffset.id}
@@ -51,11 +52,10 @@ _ROOM_C = np.arange(0.0, 360.0, 22.5)
 
 @dataclass(frozen=True)
 class Set:
-    """A setting that was found, of one system or of all (``None``); ``supposed`` are those that it was found beside."""
+    """Settings that were found, of one system or of all (``None``), beside those that were ``supposed``."""
 
     system: str | None
-    name: str
-    value: float
+    found: Mapping[str, float]
     supposed: Mapping[str, float]
 
 
@@ -99,10 +99,7 @@ def _sorted_out(
         start += len(term.parameters)
         name = term.parameters[0].name if term.parameters else ""
         if term.mechanism.id in WELL_AND_LENS and name in SETTING_OF and isinstance(term.branch.value, Path | None):
-            everywhere = term.mechanism.id in _OF_ALL
-            system = None if everywhere else _system_in(scene, term.branch.label)
-            supposed = term.branch.value.supposed if term.branch.value is not None else {}
-            settings.append(Set(system, *_setting(name, float(p[0]), term.branch.label), supposed))
+            settings.append(_set(scene, term, float(p[0])))
             ids.append(term.mechanism.id)
             if term.mechanism.id == ClockOffset.id:
                 kept.append(replace(term, branch=replace(term.branch, value=HOUR)))
@@ -114,6 +111,17 @@ def _sorted_out(
         kept.append(term)
         values.append(p)
     return settings, kept, values, ids
+
+
+def _set(scene: Scene, term: Term, value: float) -> Set:
+    """What a term is to a simulator, its parameter having such a value."""
+    label, path = term.branch.label, term.branch.value
+    system = None if term.mechanism.id in _OF_ALL else _system_in(scene, label)
+    name, set_to = _setting(term.parameters[0].name, value, label)
+    if path is None:
+        return Set(system, {name: set_to}, {})
+    axis = {STRETCHED: path.held[STRETCHED]} if name == STRETCH_OF else {}
+    return Set(system, {name: set_to, **axis}, path.supposed)
 
 
 def _setting(name: str, value: float, label: str) -> tuple[str, float]:
@@ -142,7 +150,7 @@ def _traced(scene: Scene, settings: list[Set]) -> tuple[Floats, Floats] | None:
     sun, sky = (np.ones((len(case.tests), len(C_DEG), len(GAMMA_DEG))) for _ in range(2))
     for name in {t.system for t in case.tests if t.system}:
         here = [s for s in settings if s.system in (None, name)]
-        mine, given = {s.name: s.value for s in here}, {k: v for s in here for k, v in s.supposed.items()}
+        mine, given = _together(s.found for s in here), _together(s.supposed for s in here)
         if not mine:
             continue
         tests = [k for k, t in enumerate(case.tests) if t.system == name and t.sun_altitude_deg is not None]
@@ -158,6 +166,11 @@ def _traced(scene: Scene, settings: list[Set]) -> tuple[Floats, Floats] | None:
         as_seen = systems[name].spread
         sun[tests], sky[tests] = (ratio(as_seen(n), as_seen(o)) for n, o in zip(new, old, strict=True))
     return sun, sky
+
+
+def _together(settings: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """All of several settings."""
+    return {name: value for some in settings for name, value in some.items()}
 
 
 def _simulated(case: Case, system: System, tests: list[int], late: float, change: Mapping[str, float]) -> Field:

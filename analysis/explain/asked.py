@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from analysis.explain.conclusion import Conclusion, of_another_lens
-from analysis.explain.densities import STRETCH_OF
 from analysis.explain.families import CLOUD, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
@@ -53,6 +52,7 @@ from analysis.explain.thresholds import (
     THIRD,
     WRONG_LENS,
 )
+from analysis.explain.trace_settings import STRETCH_OF
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.explain.densities import STRETCH, STRETCH_OF, densities
+from analysis.explain.densities import densities
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED_DEG, OWN, along, through
 from analysis.explain.ratios import Field, over
@@ -24,6 +24,8 @@ from analysis.explain.trace_settings import (
     HAZES,
     ISOTROPIC,
     MIRRORED,
+    STRETCH,
+    STRETCH_OF,
     STRETCHED,
     TRACED_AXES_DEG,
     TURNS_DEG,
@@ -166,7 +168,7 @@ def stretches(traced: Tracing) -> Iterator[Path]:
             along_it = f"{what} ({axis:.1f}°, from east to north)"
             stretch = Parameter(STRETCH_OF, "1", along_it, -0.7, 0.7, 0.15, (-0.3, -0.1, 0.1, 0.3))
             label = f"stretched along {axis:.1f}°{note}"
-            yield Path(label, stretch, np.array([0.0, STRETCH]), sun, sky, geometric=True)
+            yield Path(label, stretch, np.array([0.0, STRETCH]), sun, sky, geometric=True, held={STRETCHED: axis})
 
 
 def _pattern(traced: Tracing, turn: Setting) -> tuple[Field, Field]:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-from analysis.explain.densities import densities, fourfold, seen_by, stretched
+from analysis.explain.densities import densities, fourfold, seen_by
 from analysis.explain.scattering import SCATTERERS, scattering
 from analysis.simulate.changes import lenses_of
 from analysis.simulate.system import System
@@ -26,7 +26,11 @@ DIAGONAL: Final = ("rotation_deg", 45.0)
 ASLANT: Final = (("rotation_deg", 27.0), ("rotation_deg", 63.0))
 """How else the pattern may lie that a prediction did not know."""
 STRETCHED: Final = "stretched_deg"
-"""Lenses that are densities of shifts send light further along such an axis, and less far across it (`densities`)."""
+"""Lenses that are densities of shifts send light further along such an axis, and less far across it,"""
+STRETCH_OF: Final = "stretch"
+"""by such a share,"""
+STRETCH: Final = 0.25
+"""which is this in what is traced."""
 AXES_DEG: Final = (0.0, 22.5, 45.0, 67.5)
 """Axes that are tried; a stretch along the other four is a negative one,"""
 TRACED_AXES_DEG: Final = (0.0, 45.0)
@@ -84,9 +88,10 @@ def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
         rest["isotropic"] = not knows_no_pattern(system)
         if knows_no_pattern(system):
             rest |= {f"{p}.shifts": fourfold(getattr(system, p).shifts) for p in densities(system)}
-    if (axis_deg := rest.pop(STRETCHED, None)) is not None:
-        for p in densities(system):
-            rest |= {f"{p}.shifts": stretched(seen_by(getattr(system, p)), axis_deg), f"{p}.isotropic": False}
+    by, axis_deg = rest.pop(STRETCH_OF, STRETCH), rest.pop(STRETCHED, None)
+    for p in densities(system) if axis_deg is not None else ():
+        rest |= {f"{p}.shifts": seen_by(getattr(system, p)), f"{p}.isotropic": False}
+        rest |= {f"{p}.stretch": by, f"{p}.stretch_axis_deg": axis_deg}
     if (place := rest.pop(SCATTERER, None)) is not None:
         rest[place] = dataclasses.asdict(scattering(getattr(system, place), rest.pop("scatters")))
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)

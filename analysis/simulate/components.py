@@ -52,6 +52,9 @@ class Lens:
     kept
         Of kind ``shift``: the share of its tangential direction cosines to which the light's change is added [0..1]. A
         sheet that draws light towards its normal keeps less than all.
+    stretch, stretch_axis_deg
+        Of kind ``shift``: changes are longer by this share along an axis, counter-clockwise from x seen from above,
+        and shorter by as much across it.
     """
 
     kind: Literal["none", "clear", "prismatic", "diffusing", "bsdf", "shift"] = "prismatic"
@@ -72,6 +75,8 @@ class Lens:
     bsdf: str = ""
     shifts: tuple[float, ...] = ()
     kept: Share = 1.0
+    stretch: Annotated[float, Field(gt=-1.0, le=4.0)] = 0.0
+    stretch_axis_deg: float = 0.0
 
     @model_validator(mode="after")
     def _has_what_it_needs(self) -> Self:

@@ -29,7 +29,15 @@ SHIFT_HALF: Final = 8
 differ by their transmittance alone."""
 _GRAZING: Final = 0.998
 _STREAM: Final = 17
-_OPTICAL: Final = ("shifts", "kept", "refractive_index", "thickness_mm", "absorption_per_mm")
+_OPTICAL: Final = (
+    "shifts",
+    "kept",
+    "stretch",
+    "stretch_axis_deg",
+    "refractive_index",
+    "thickness_mm",
+    "absorption_per_mm",
+)
 
 
 def cells() -> Floats:
@@ -45,7 +53,7 @@ def shift_samples(
     What would leave beyond grazing is lost, and so is what a clear slab would reflect.
     """
     shape = (len(directions), per_direction)
-    moved = lens.kept * directions[:, None, :2] + _drawn(lens.shifts, shape, rng)
+    moved = lens.kept * directions[:, None, :2] + _stretched(lens, _drawn(lens.shifts, shape, rng))
     square = np.sum(moved**2, axis=-1)
     leaves = square < _GRAZING
     out = np.zeros((*shape, 3))
@@ -68,6 +76,17 @@ def _drawn(shifts: tuple[float, ...], shape: tuple[int, int], rng: np.random.Gen
     step = 2.0 * REACH / (side - 1)
     inside = rng.random((*shape, 2)) - 0.5
     return np.asarray((np.stack(np.divmod(cell, side), axis=-1) + inside) * step - REACH)
+
+
+def _stretched(lens: Lens, changes: Floats) -> Floats:
+    """Changes (..., 2) of direction cosines as a stretched lens has them."""
+    if lens.stretch == 0.0:
+        return changes
+    axis = math.radians(lens.stretch_axis_deg)
+    along = np.array([math.cos(axis), math.sin(axis)])
+    across = np.array([-along[1], along[0]])
+    longer = 1.0 + lens.stretch
+    return np.asarray(changes @ (longer * np.outer(along, along) + np.outer(across, across) / longer))
 
 
 def shift_tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:

@@ -62,6 +62,14 @@ def systems_on_the_arm(scene: Scene) -> dict[int, str]:
 
 
 WELL_AND_LENS = frozenset(
-    {"lens-haze", "soiling", "lens-orientation", "wall-reflectance", "wall-scatter", "clock-offset"}
+    {
+        "lens-haze",
+        "soiling",
+        "lens-orientation",
+        "lens-anisotropy",
+        "wall-reflectance",
+        "wall-scatter",
+        "clock-offset",
+    }
 )
 """Mechanisms whose parameters are settings of a simulation."""

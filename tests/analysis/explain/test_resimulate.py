@@ -191,6 +191,22 @@ def test_haze_that_goes_on_forwards_is_simulated_again(
         assert np.std(simulated - fitted) < 0.4 * np.std(fitted)
 
 
+def test_a_stretched_lens_is_simulated_again(simulated: OwnSimulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As far as it was found to be, and along the same axis."""
+    monkeypatch.setattr(again, "RAYS", 20_000)
+    dense = lenses_of(told({kind: Likened(system_with(kind, SKEWED)) for kind in ("box", "tube")}))
+    scene = scene_of(simulated.case, simulator_of(simulated.case, {"lens-anisotropy"}, dense))
+    by = np.array([0.3])
+    long, aslant = ((term(scene, "lens-anisotropy", f"stretched along {axis}°"),) for axis in ("0.0", "45.0"))
+    found = again.simulated_again(scene, long, by)
+    assert found is not None and found.ids == ("lens-anisotropy",)
+    light = (found.predicted, predict(scene, long, by), predict(scene, aslant, by))
+    stretched, fitted, other = (np.log(x / scene.readings.simulated) for x in light)
+    assert np.std(stretched) == pytest.approx(np.std(fitted), rel=0.3)
+    assert np.corrcoef(stretched, fitted)[0, 1] > 0.9
+    assert np.corrcoef(stretched, other)[0, 1] < 0.6
+
+
 def test_darker_walls_take_light(made: Retracings) -> None:
     path = _path(made, "wall-reflectance", "all systems alike")
     flux = path.sky.mean(axis=(2, 3))  # (settings, tests)

@@ -72,6 +72,28 @@ def test_a_lens_that_draws_light_keeps_a_share_of_its_direction(kept: float) -> 
     assert brightest(turned) == pytest.approx(kept * SUN + np.array([0.1, 0.2]), abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("axis_deg", "made"), [(0.0, (0.45, 0.0)), (90.0, (0.2, 0.0)), (45.0, (0.325, 0.125)), (-45.0, (0.325, -0.125))]
+)
+def test_a_stretched_lens_shifts_further_along_an_axis(axis_deg: float, made: tuple[float, float]) -> None:
+    """And less far across it, by as much."""
+    lens = dataclasses.replace(sends((0.3, 0.0)), stretch=0.5, stretch_axis_deg=axis_deg)
+    assert brightest(window(lens)) == pytest.approx(SUN + np.array(made), abs=0.05)
+    assert shift_tables(lens, 2_048, 8)[0] is not shift_tables(sends((0.3, 0.0)), 2_048, 8)[0]
+
+
+@given(st.floats(0.0, 180.0), st.floats(-0.6, 1.5))
+def test_a_stretch_the_other_way_is_one_across(axis_deg: float, by: float) -> None:
+    lens = sends((0.1, 0.05), (-0.2, 0.1))
+    across = {"stretch": 1.0 / (1.0 + by) - 1.0, "stretch_axis_deg": axis_deg + 90.0}
+    down = np.tile([0.0, 0.0, -1.0], (8, 1))
+    one, other = (
+        shift_samples(dataclasses.replace(lens, **how), False, down, 16, np.random.default_rng(3))[0]
+        for how in ({"stretch": by, "stretch_axis_deg": axis_deg}, across)
+    )
+    assert one == pytest.approx(other, abs=1e-9)
+
+
 def test_a_pattern_is_turned_mirrored_and_lost() -> None:
     x, y = 0.36, 0.08
     lens = window(sends((x, y)))
