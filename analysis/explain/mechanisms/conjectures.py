@@ -15,7 +15,7 @@ from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.mechanisms.weathered import Dew, Warming
 from analysis.explain.parameter import Parameter
-from analysis.explain.scene import Light, Scene
+from analysis.explain.scene import Scene
 
 
 class SlowSensors(Mechanism):
@@ -79,26 +79,6 @@ class Crosstalk(Mechanism):
         return found
 
 
-class TintedSensors(Mechanism):
-    """The sensors see bluish skylight and yellowish sunlight with different sensitivities."""
-
-    id = "tinted-sensors"
-    stage = Stage.SENSORS
-    leaves_out = "The sensors weigh skylight and sunlight differently, as their colour response is not the eye's."
-    parameters = (Parameter("sky_gain", "1", "relative sensitivity to the sky part", -0.6, 1.0, 0.1, (-0.1, 0.1)),)
-    needs = "sun and sky parts apart"
-    source = "S + (1+t) K, alike in all tests; CIE/ISO 19476 f1' (spectral mismatch)"
-    tie_breaker = "the same scan through a bluish and a yellowish filter"
-
-    def why_not(self, scene: Scene) -> str:
-        """The parts must be known apart."""
-        return "" if scene.readings.has_parts else "the records do not give the sun and sky parts apart"
-
-    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
-        """Weigh the sky part."""
-        light.sky_factor = light.sky_factor * (1.0 + p[0])
-
-
 def _neighbour(scene: Scene, side: int) -> Floats:
     """Index of the next sensor's reading, inwards (-1) or outwards (1) along the arm, or its own at the end; (N,)."""
     r = scene.readings
@@ -146,7 +126,6 @@ CONJECTURES: tuple[Mechanism, ...] = (
     Crosstalk(),
     SlowSensors(),
     WarmingSensors(),
-    TintedSensors(),
     Sluggish(),
     Shaded(),
     TurnedCamera(),

@@ -42,10 +42,10 @@ def _acts(scene: Scene, branch: Branch) -> NDArray[np.bool_]:
     return _is_in(scene, branch.value)
 
 
-def _is_in(scene: Scene, which: str | int) -> NDArray[np.bool_]:
-    """Rows of a kind of channel (its name), or of one channel (its number); shape (N,)."""
+def _is_in(scene: Scene, which: str | int | tuple[int, ...]) -> NDArray[np.bool_]:
+    """Rows of a kind of channel (its name), or of one channel or several (their numbers); shape (N,)."""
     r = scene.readings
-    return np.asarray(r.kind == which if isinstance(which, str) else r.channel == which)
+    return np.asarray(r.kind == which if isinstance(which, str) else np.isin(r.channel, which))
 
 
 def _has_camera(scene: Scene, branch: Branch) -> bool:
@@ -59,40 +59,65 @@ def _level(scene: Scene, rows: NDArray[np.bool_]) -> float:
 
 
 class DarkOffset(Mechanism):
-    """A constant is added to every reading, light or no light."""
+    """A constant is added to every reading, light or no light: the same of all sensors, or of each its own."""
 
     id = "dark-offset"
     stage = Stage.SENSORS
     leaves_out = "The sensors read something in the dark."
     parameters = (Parameter("offset", "the channel's unit", "reading in the dark", -1e6, 1e6, 1.0, (-1.0, 1.0)),)
-    source = "y + o"
+    source = "y + o; y_i + o_i for each sensor i"
     tie_breaker = "a reading with the sensors covered"
     kinds = _ALL
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """One kind of instrument."""
-        return _by_kind(scene)
+        """One kind of instrument; on the arm also each sensor by itself."""
+        sensors = np.unique(scene.readings.channel[scene.is_gonio]).tolist()
+        return (*_by_kind(scene), *((Branch("each sensor its own", tuple(sensors)),) if len(sensors) > 1 else ()))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
-        """An offset of a hundredth of the middle reading is usual."""
+        """An offset of a hundredth of the middle reading is usual; each sensor's begins where its readings say."""
         acts = _acts(scene, branch)
         usual = 0.03 * _level(scene, acts)
         unit = scene.readings.case.channels[int(scene.readings.channel[acts][0])].unit
         factor = float(scene.readings.unit_factor[acts][0])
-        p = self.parameters[0]
-        return (
-            replace(
-                p, unit=unit, low=-20 * usual, high=20 * usual, sigma=usual, starts=(-usual, usual), per_unit=1 / factor
-            ),
+        p = replace(self.parameters[0], unit=unit, low=-20 * usual, high=20 * usual, sigma=usual, per_unit=1 / factor)
+        if not isinstance(branch.value, tuple):
+            return (replace(p, starts=(-usual, usual)),)
+        found = np.clip(_own_offsets(scene, branch.value), p.low, p.high)
+        return tuple(
+            replace(p, name=f"offset_{scene.readings.case.channels[k].id}", starts=(float(start),))
+            for k, start in zip(branch.value, found, strict=True)
         )
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Add the offset."""
+        if isinstance(branch.value, tuple):
+            mine = np.array([scene.readings.channel == k for k in branch.value], dtype=np.float64)
+            return np.asarray(values + p @ mine)
         return values + np.where(_acts(scene, branch), p[0], 0.0)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how much."""
+        if isinstance(branch.value, tuple):
+            least, most = np.min(p), np.max(p)
+            return f"The sensors do not read zero in the dark: they carry offsets from {least:+.3g} to {most:+.3g}."
         return f"Every reading of {branch.label} carries an offset of {p[0]:+.3g}: they do not read zero in the dark."
+
+
+def _own_offsets(scene: Scene, channels: tuple[int, ...]) -> Floats:
+    """What a line through each sensor's readings over their predictions says of it in the dark; tests have gains."""
+    r = scene.readings
+    ratio = r.measured / np.maximum(r.simulated, 1e-9)
+    gain = np.array([np.median(ratio[scene.is_gonio & (r.test == k)]) for k in range(len(r.case.tests))])
+    found = []
+    for k in channels:
+        rows = np.flatnonzero(scene.is_gonio & (r.channel == k))
+        light = np.maximum(r.simulated[rows], 1e-9)
+        weight = 1.0 / np.hypot(light, 1e-2 * light.max())
+        lines = np.column_stack([np.ones_like(light), light]) * weight[:, None]
+        left = (r.measured[rows] / gain[r.test[rows]] - light) * weight
+        found.append(float(np.linalg.lstsq(lines, left, rcond=None)[0][0]))
+    return np.array(found)
 
 
 _CHANGE_OVER = 0.15

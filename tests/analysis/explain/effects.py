@@ -74,6 +74,18 @@ def offset(candela: float) -> Truth:
     return lambda rows: light(rows) + candela
 
 
+OFFSETS = (0.0, 20.0, 0.0, -12.0, 0.0, 35.0, 0.0, 0.0, 0.0, 8.0)
+"""What ten sensors read in the dark [cd], from nadir to the horizon."""
+
+
+def offsets(candela: tuple[float, ...]) -> Truth:
+    def truth(rows: Rows) -> Floats:
+        sensors = np.unique(rows.gamma_deg)
+        return light(rows) + np.asarray(candela)[np.searchsorted(sensors, rows.gamma_deg)]
+
+    return truth
+
+
 def power(exponent: float, about_cd: float = 800.0) -> Truth:
     return lambda rows: about_cd * (light(rows) / about_cd) ** (1.0 + exponent)
 
@@ -137,9 +149,18 @@ def split(change: float) -> Truth:
     return truth
 
 
-def tint(sky_gain: float) -> Truth:
-    """Sensors that weigh the sky's light otherwise than the sun's."""
-    return lambda rows: _sun(rows) + (1.0 + sky_gain) * _sky(rows)
+def cone(share: float) -> Truth:
+    """A disc hides so much less than the beam: it counts as the sky's."""
+
+    def truth(rows: Rows) -> Floats:
+        diffuse, total = rows.of_test(lambda t: t.diffuse_lx), rows.of_test(lambda t: t.global_lx)
+        return (1.0 - share) * _sun(rows) + (diffuse + share * (total - diffuse)) / diffuse * _sky(rows)
+
+    return truth
+
+
+def beam(change: float) -> Truth:
+    return lambda rows: (1.0 + change) * _sun(rows) + _sky(rows)
 
 
 def entry_haze(share: float) -> Truth:

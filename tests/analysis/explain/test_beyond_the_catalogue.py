@@ -53,7 +53,6 @@ def _sagging(degrees: float) -> Truth:
     [
         (_sagging(2.5), "arm-sag"),
         pytest.param(_lagging(0.3), "slow-sensors", marks=pytest.mark.slow),
-        pytest.param(effects.tint(0.3), "tinted-sensors", marks=pytest.mark.slow),
     ],
 )
 def test_a_law_beyond_the_catalogue_is_a_conjecture_and_no_name(truth: Truth, law: str, tmp_path: Path) -> None:
