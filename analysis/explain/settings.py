@@ -53,10 +53,18 @@ def _every(traced: Tracing, paths: Iterator[Path]) -> Iterator[Path]:
 
 
 def _scatter(traced: Tracing) -> Iterator[Path]:
+    """Walls that send a share of each reflection to all sides, that spread all light a little, or some of it widely.
+
+    (Another author's, which spread 9 % of each reflection by 12°, has 79 nats as the last, 56 as the first.)
+    """
     share = Parameter("scatter", "1", "share of each reflection that is diffuse", 0.0, 1.0, 0.15, (0.05, 0.2))
     yield from along(traced, DIFFUSE_SHARE, share, {s: (("diffuse_fraction", s),) for s in DIFFUSE_SHARES}, 0.0)
     width = Parameter("scatter_deg", "deg", "rms width of each reflection's lobe", 1.0, 20.0, 4.0, (3.0, 8.0))
     yield from along(traced, "wide reflections", width, {s: (("scatter_deg", s),) for s in SCATTERS_DEG}, 0.0)
+    widest = SCATTERS_DEG[-1]
+    what = f"share of the light that is spread at each reflection, by {widest:.0f}° rms"
+    some = Parameter("spread", "1", what, 0.0, 1.0, 0.2, (0.1, 0.4))
+    yield from through(traced, "some light spread", some, {1.0: traced.lit((("scatter_deg", widest),))}, 0.0)
 
 
 def _limits(traced: Tracing) -> Iterator[Path]:

@@ -9,7 +9,7 @@ import pytest
 from analysis.explain import again, look, settings, tracing
 from analysis.explain.apply import apply_model
 from analysis.explain.asked import misfit
-from analysis.explain.fields import GAMMA_DEG, solid_angle
+from analysis.explain.fields import GAMMA_DEG, Fields, solid_angle
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.found_lenses import lenses_of, told
@@ -205,6 +205,16 @@ def test_a_stretched_lens_is_simulated_again(simulated: OwnSimulation, monkeypat
     assert np.std(stretched) == pytest.approx(np.std(fitted), rel=0.3)
     assert np.corrcoef(stretched, fitted)[0, 1] > 0.9
     assert np.corrcoef(stretched, other)[0, 1] < 0.6
+
+
+def test_of_light_that_is_spread_a_share_is_mixed_with_the_rest(made: Retracings) -> None:
+    """A share of 1 is what walls do that spread all of it."""
+    some, wide = (_path(made, "wall-scatter", label) for label in ("some light spread", "wide reflections"))
+    assert some.positions.tolist() == [0.0, 1.0] and wide.positions[-1] == 15.0
+    assert np.array_equal(some.sun[1], wide.sun[-1]) and np.array_equal(some.sky[1], wide.sky[-1])
+    base = Fields(np.ones_like(some.sun[0]), np.ones_like(some.sky[0]))
+    sun, _ = some.change(0.2, base)
+    assert np.allclose(sun, 0.8 + 0.2 * wide.sun[-1])
 
 
 def test_darker_walls_take_light(made: Retracings) -> None:
