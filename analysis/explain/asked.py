@@ -25,6 +25,7 @@ from analysis.explain.thresholds import (
     LEAST_EFFECT,
     LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
+    LEAST_EFFECT_NEAR,
     LEAST_EFFECTS_OF_ARM,
     LEAST_MINUTES,
     MISFIT_LENS,
@@ -114,7 +115,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS
     if h.wanders:
         usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else few * NAME_FIRST_RANDOM
-        return NAME_FIRST if h.ids[-1] in found.shown else usual
+        return NAME_FIRST if h.last in found.shown else usual
     if found.one_instrument:
         return NAME_FIRST
     return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
@@ -163,10 +164,11 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
 
 def least_effect(h: Hypothesis, found: Conclusion) -> float:
     """By how much a name must change the readings (rms, relative), as the first or beside others."""
-    alone, further = LEAST_EFFECTS_OF_ARM if h.ids[-1] in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
-    if far_ahead(h, found) or h.ids[-1] in found.lacked:
+    alone, further = LEAST_EFFECTS_OF_ARM if h.last in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
+    if far_ahead(h, found) or h.last in found.lacked:
         return LEAST_EFFECT_FAR_AHEAD
-    return alone if len(h.ids) == 1 else further
+    least = alone if len(h.ids) == 1 else further
+    return max(least, LEAST_EFFECT_NEAR) if h.last == NearField.id else least
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

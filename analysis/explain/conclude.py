@@ -6,7 +6,7 @@ from analysis.cases.model import Floats
 from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
-from analysis.explain.conclusion import Conclusion, Unnamed, doubles
+from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
@@ -178,7 +178,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     extra = search.allowed(base)
     alone = search.reweighed(base, extra)
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
-    candidates = [h for h in candidates if not asked.absurd(h.fit, h.ids[-1])]
+    candidates = [h for h in candidates if not asked.absurd(h.fit, h.last)]
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h, found) and not asked.is_a_moment(h)]
@@ -186,7 +186,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     gain = best.evidence - alone
     if base is found.best or base in found.singles[:1]:
         found.seconds = sorted(candidates, key=lambda h: -h.evidence)
-    random = len(best.wanders) > len(base.wanders) and best.ids[-1] not in found.shown
+    random = len(best.wanders) > len(base.wanders) and best.last not in found.shown
     (new,) = set(best.ids) - set(base.ids)
     share = share_of(found, best, base, candidates, gain)
     needed = asked.beside(best, base, found, new, random, share)
@@ -198,8 +198,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     if share < found.sure_beside:
         return None
     near = max(ALIKE, found.temper(gain))
-    tied = (h for h in candidates if h.ids[-1] in doubles(new) and abs(h.evidence - best.evidence) < near)
-    best.tied = base.tied + tuple((new, h.ids[-1]) for h in tied)
+    tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
+    best.tied = base.tied + tuple((new, h.last) for h in tied)
     best.added_to = base.first
     best.evidence = base.evidence + gain
     return gain, best

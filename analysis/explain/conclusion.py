@@ -11,10 +11,12 @@ from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
 from analysis.explain.thresholds import (
+    ALIKE,
     DOUBLES,
     IMITATION,
     IMITATION_LENS,
     LIKELIER,
+    SAME,
     SLOW_OR_LATE,
     SURE,
     SURE_BELOW,
@@ -130,8 +132,28 @@ class Conclusion:
     def either(self) -> dict[str, tuple[str, ...]]:
         """Names of the best set that do no better than their doubles, and those: which of them it is, is open."""
         told = {name: [d for pair in self.indistinguishable if name in pair for d in pair] for name in self.best.ids}
-        found = {name: tuple(d for d in doubles(name) if d in others) for name, others in told.items()}
+        found = {name: tuple(d for d in self.doubles(name) if d in others) for name, others in told.items()}
         return {name: alike for name, alike in found.items() if alike}
+
+    def doubles(self, name: str) -> tuple[str, ...]:
+        """Mechanisms that are one and the same number as a given one, or do the same to all readings of this case.
+
+        (Below a tube alone, lenses that are turned are an arm that is turned the other way.)
+        """
+        known = {other for pair in DOUBLES if name in pair for other in pair}
+        mine = self._by_itself(name)
+        same = {h.ids[0] for h in self.singles if mine and len(h.ids) == 1 and not h.wanders and self._same(mine, h)}
+        return tuple(sorted((known | same) - {name}))
+
+    def _by_itself(self, name: str) -> Hypothesis | None:
+        return next((h for h in self.singles if h.ids == (name,) and not h.wanders), None)
+
+    def _same(self, one: Hypothesis, other: Hypothesis) -> bool:
+        """Whether two singles do as well as each other, and the same: less apart than such a share of what they do."""
+        change = one.fit.residual - self.nothing.fit.residual
+        apart = one.fit.residual - other.fit.residual
+        alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change))
+        return alike and abs(one.evidence - other.evidence) < ALIKE
 
     @property
     def ruled_out(self) -> dict[str, str]:
@@ -204,11 +226,6 @@ class Conclusion:
     def temper(self, gain: float) -> float:
         """How many nats count as one for the first name, beside what that gains."""
         return temper(gain, self.nat)
-
-
-def doubles(name: str) -> tuple[str, ...]:
-    """Mechanisms that are one and the same number as a given one."""
-    return tuple(other for pair in DOUBLES if name in pair for other in pair if other != name)
 
 
 def temper(gain: float, nat: float = TEMPER) -> float:

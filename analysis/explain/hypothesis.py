@@ -21,8 +21,9 @@ class Hypothesis:
         Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
     tied
         Mechanisms added to others, and what could stand in their place.
-    added_to
-        The mechanism that all others were added to; empty where there are no others.
+    added, added_to
+        The mechanism that was added last, if it is not the last of ``ids``; and the one that all others were added to,
+        empty where there are no others.
     """
 
     fit: Fit
@@ -30,12 +31,18 @@ class Hypothesis:
     wanders: tuple[Wandering, ...] = ()
     ways: list[Fit] = field(default_factory=list)
     tied: tuple[tuple[str, str], ...] = ()
+    added: str = ""
     added_to: str = ""
 
     @property
     def first(self) -> str:
         """Id of the mechanism that was there before others."""
         return self.added_to or next(iter(self.ids), "")
+
+    @property
+    def last(self) -> str:
+        """Id of the mechanism that was added last (random effects stand behind formulas, whichever came first)."""
+        return self.added or self.ids[-1]
 
     @property
     def ids(self) -> tuple[str, ...]:

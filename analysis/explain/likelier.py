@@ -74,7 +74,7 @@ def beforehand(found: Conclusion, names: frozenset[str]) -> float:
 
 def beside(h: Hypothesis, other: Hypothesis) -> float:
     """How much likelier what one set adds to a first name is than what another adds."""
-    names = h.ids[-1], other.ids[-1]
+    names = h.last, other.last
     if Nonlinearity.id not in names or not _ENDS & set(names):
         return 0.0
     bent, sign = (h, -1.0) if names[0] == Nonlinearity.id else (other, 1.0)

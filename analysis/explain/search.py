@@ -229,7 +229,7 @@ class Search:
         self.fitter.weigh(fits, extra, first.fit.hyper)
         if any(f.terms[-1].branch.stands_in for f in fits):
             self._less_what_stands_in(fits, self.reweighed(first, extra))
-        return replace(self._joined(fits, len(terms)), wanders=first.wanders)
+        return replace(self._joined(fits, len(terms)), wanders=first.wanders, added=terms[0].mechanism.id)
 
     def _fit_beside(self, first: Fit, terms: tuple[Term, ...], extra: tuple[Extra, ...]) -> list[Fit]:
         looks = list(zip(self.fitter.promises(terms, MIDDLE, first, extra), terms, strict=True))

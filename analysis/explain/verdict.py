@@ -4,14 +4,13 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.explain import asked, likelier
-from analysis.explain.conclusion import Conclusion, doubles, temper, traced
+from analysis.explain.conclusion import Conclusion, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
-    DOUBLES,
     DOUBTFUL,
     EVEN,
     EVEN_GAIN,
@@ -139,7 +138,7 @@ def share_of(found: Conclusion, best: Hypothesis, base: Hypothesis, candidates: 
     (new,) = set(best.ids) - ids
     nats = temper(gain, found.nat)
     added = [(frozenset(h.ids) - ids, h) for h in candidates]
-    rivals = [(names, h) for names, h in added if not names & {new, *doubles(new)}]
+    rivals = [(names, h) for names, h in added if not names & {new, *found.doubles(new)}]
     odds = [likelier.beforehand(found, names) - likelier.beside(best, h) for names, h in rivals]
     others = [h.evidence + nats * ahead for (_, h), ahead in zip(rivals, odds, strict=True)]
     own = likelier.beforehand(found, frozenset({new}))
@@ -161,7 +160,7 @@ def name_the_sure(found: Conclusion) -> bool:
     likeliest, evidence = max(weighed, key=lambda item: item[1])
     nats = found.temper(evidence - found.nothing.evidence)
     weighed.append(((), found.nothing.evidence + found.law_alone - LIKELIER * nats))
-    without = {m: max(e for key, e in weighed if not {m, *doubles(m)} & set(key)) for m in likeliest}
+    without = {m: max(e for key, e in weighed if not {m, *found.doubles(m)} & set(key)) for m in likeliest}
     surest = min(likeliest, key=lambda m: without[m])
     alone = next((h for h in found.singles if h.ids == (surest,)), None)
     left = found.left_against if set(likeliest) == set(ids) else 0.0
@@ -170,7 +169,8 @@ def name_the_sure(found: Conclusion) -> bool:
         return False
     found.best, found.verdict, found.probability = alone, "partly-explained", {surest: sure}
     # what stood in the first name's place stands beside this one
-    found.indistinguishable = [pair for pair in found.indistinguishable if surest not in pair or set(pair) in DOUBLES]
+    alike = {surest, *found.doubles(surest)}
+    found.indistinguishable = [pair for pair in found.indistinguishable if surest not in pair or set(pair) <= alike]
     return True
 
 
@@ -178,7 +178,7 @@ def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
     gain = alone.get(name, 0.0)
     near = max(ALIKE, found.temper(gain))
-    return [d for d in doubles(name) if d in alone and abs(alone[d] - gain) < near]
+    return [d for d in found.doubles(name) if d in alone and abs(alone[d] - gain) < near]
 
 
 def _share(found: Conclusion, name: str) -> float:

@@ -63,7 +63,8 @@ class SkySunRatio(Mechanism):
 
         Of an arm, of all skies, or of those alone under which the sun shone: what a disc hides wrongly is none of an
         overcast sky. (Both also where it shone always: what was found elsewhere may be applied there.) Or a share of
-        the beam goes to the sky; or the beam alone is another, for its luminous efficacy or the sensors' to its colour.
+        the beam goes to the sky, as with whatever spreads the sun's light; or the beam alone is another, for its
+        luminous efficacy or the sensors' to its colour.
         """
         if not np.any(scene.remember(beam_behind_disc) > 0.0):
             return (Branch(),) if scene.on_the_roof else (Branch(), *_OF_AN_ARM)
@@ -111,7 +112,7 @@ class SkySunRatio(Mechanism):
 
 _OF_AN_ARM = (
     Branch("where the sun shone", "shone"),
-    Branch("a share of the beam", "cone"),
+    Branch("a share of the beam", "cone", stands_in=True),
     Branch("the beam alone", "beam"),
 )
 

@@ -168,6 +168,12 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
         away = np.sin(np.radians(rows.gamma_deg))
         return light(rows) * (1.0 + 0.08 * away * np.sin(np.radians(3.0 * rows.c_deg + 40.0 * rows.test)))
 
+    def round_nadir(rows: Rows) -> Floats:
+        """As another author's simulation was wrong, by test: twice as much on two sides of nadir as on the others."""
+        return light(rows) * (1.0 + 0.02 * np.cos(np.radians(2.0 * rows.c_deg + 70.0 * rows.test)))
+
+    gain, expected = _nadir_gain(tmp_path / "round", round_nadir)
+    assert gain < 0.0 < expected
     gain, expected = _nadir_gain(tmp_path / "cloud", effects.clouds(0.05, 45.0))
     assert expected > 3.0
     assert gain > 3.0

@@ -224,6 +224,23 @@ def test_a_double_is_no_rival(arm: Scene) -> None:
     assert found.indistinguishable == [("dark-offset", "stray-light")]
 
 
+@pytest.mark.parametrize(
+    ("turned", "gain", "alike"), [(1.0, 199.0, True), (1.1, 199.0, True), (1.0, 190.0, False), (1.3, 199.0, False)]
+)
+def test_what_does_the_same_to_all_readings_is_a_double(arm: Scene, turned: float, gain: float, alike: bool) -> None:
+    """Below a tube alone, lenses that are turned and an arm that is turned the other way."""
+    nothing, azimuth = hypothesis(arm, 0.0), hypothesis(arm, 200.0, "c-offset")
+    lenses = hypothesis(arm, gain, "lens-orientation")
+    does = np.sin(np.arange(50.0))
+    for h, size in ((nothing, 0.0), (azimuth, 1.0), (lenses, turned)):
+        h.fit.residual = 3.0 - size * does
+    found = Conclusion(azimuth, nothing, [azimuth, lenses])
+    decide(found, 1.0)
+    assert (found.either == {"c-offset": ("lens-orientation",)} and found.verdict == "explained") == alike
+    if not alike:
+        assert found.doubles("c-offset") == () and found.verdict == "unexplained"
+
+
 def test_doubles_that_act_together_are_two_names(arm: Scene) -> None:
     """Light from one side beside an offset in the dark: the readings told them apart."""
     both = hypothesis(arm, 300.0, "dark-offset", "stray-light")
