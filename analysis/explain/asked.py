@@ -159,6 +159,8 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
         return NAME_SECOND
     if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
+    if any(len(t.parameters) > _FEW_NUMBERS for t in added):
+        return NAME_FIRST_FREE
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
 

@@ -138,12 +138,13 @@ class Conclusion:
     def doubles(self, name: str) -> tuple[str, ...]:
         """Mechanisms that are one and the same number as a given one, or do the same to all readings of this case.
 
-        (Below a tube alone, lenses that are turned are an arm that is turned the other way.)
+        (Below a tube alone, lenses that are turned are an arm that is turned the other way.) Instruments that no
+        reading is of are none.
         """
         known = {other for pair in DOUBLES if name in pair for other in pair}
         mine = self._by_itself(name)
         same = {h.ids[0] for h in self.singles if mine and len(h.ids) == 1 and not h.wanders and self._same(mine, h)}
-        return tuple(sorted((known | same) - {name}))
+        return tuple(sorted((known | same) - {name} - self.unseen))
 
     def _by_itself(self, name: str) -> Hypothesis | None:
         return next((h for h in self.singles if h.ids == (name,) and not h.wanders), None)

@@ -65,6 +65,18 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: f
     assert asked.first(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
 
 
+def test_beside_others_offsets_of_all_sensors_must_gain_as_much_as_alone(arm: Scene) -> None:
+    """Ten numbers take what the form of the first name leaves; one does not."""
+    nothing, base = hypothesis(arm, 0.0), hypothesis(arm, 100.0, "c-offset")
+    found = Conclusion(base, nothing, [base])
+    needed = {}
+    for t in terms_of(BY_ID["dark-offset"], arm):
+        both = hypothesis(arm, 160.0, "c-offset", "dark-offset")
+        both.fit.terms = (*base.fit.terms, t)
+        needed[len(t.parameters)] = asked.beside(both, base, found, "dark-offset", False, 1.0)
+    assert needed[10] - needed[1] == NAME_FIRST_FREE - NAME_SECOND_BELOW
+
+
 @pytest.mark.parametrize(
     ("lens", "least"), [(0.5, NAME_FIRST_BELOW), (WRONG_LENS, NAME_FIRST_BELOW), (2.0, 2.0 * FIRST_BY_LENS)]
 )
