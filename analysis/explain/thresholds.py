@@ -32,9 +32,9 @@ EVEN_LEAST = 0.15
 """down to such a share. (On two authors' roofs and cameras twelve more first names are told for this, eleven of them
 right.)"""
 NAME_FIRST_FREE = 40.0
-"""The same of a form with more than two parameters, beside others too: it bends to ripple. (On another author's skylights
-a response that changes gradually to another gained 19 and 31 where nothing was left out; on a further author's, offsets
-of ten sensors 53 beside dirt.)"""
+"""The same of a form with more than two parameters, beside others too: it bends to ripple. (On another author's
+skylights a response that changes gradually to another gained 19 and 31 where nothing was left out; on a further
+author's, offsets of ten sensors 53 beside dirt.)"""
 NAME_FIRST_RANDOM = 20.0
 """A first random effect must gain this (unless repeated readings show it): it also leans on a simulation's ripple."""
 NAME_FIRST_LENS = 24.0
