@@ -25,7 +25,6 @@ from analysis.explain.thresholds import (
     LEAST_EFFECT,
     LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
-    LEAST_EFFECT_NEAR,
     LEAST_EFFECTS_OF_ARM,
     LEAST_MINUTES,
     MISFIT_LENS,
@@ -169,8 +168,7 @@ def least_effect(h: Hypothesis, found: Conclusion) -> float:
     alone, further = LEAST_EFFECTS_OF_ARM if h.last in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
     if far_ahead(h, found) or h.last in found.lacked:
         return LEAST_EFFECT_FAR_AHEAD
-    least = alone if len(h.ids) == 1 else further
-    return max(least, LEAST_EFFECT_NEAR) if h.last == NearField.id else least
+    return alone if len(h.ids) == 1 else further
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

@@ -10,7 +10,7 @@ from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.likelier import beforehand
+from analysis.explain.likelier import beforehand, unseen
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Search
@@ -146,13 +146,18 @@ def _grow(search: Search, found: Conclusion) -> None:
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
         if not grown:
             return
-        gain, best = max(grown, key=lambda item: item[1].evidence)
+        gain, best = max(grown, key=lambda item: _less_unseen(found, item[1]))
         if any(found.shares.get((_others(best.ids, m), m), 1.0) < found.sure_beside for m in best.ids):
             found.best = next(h for h in found.singles if set(h.ids) <= set(best.ids) and h.ids)
             return  # beside one of the two, another might stand for the other
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
         found.best = best
         bases = [best]
+
+
+def _less_unseen(found: Conclusion, h: Hypothesis) -> float:
+    """Evidence of a set, less what is thought of instruments that no reading is of."""
+    return h.evidence - found.temper(max(h.evidence - found.nothing.evidence, 0.0)) * unseen(found, h.ids)
 
 
 def _name_two_together(search: Search, found: Conclusion, few: float) -> None:

@@ -154,9 +154,6 @@ LEAST_EFFECT_FIRST = 0.01
 """The same for a first one below a skylight: smaller effects are the chance likeness of a lens's error, or what a far
 field still lacks at a great distance. (Of another author's first names the right ones had at least .015, a wrong one
 .006.)"""
-LEAST_EFFECT_NEAR = 0.012
-"""A near field must change them by this: every prediction in the far field lacks one, however far the sensors are. (On
-another author's null one of .010 had 211 nats.)"""
 LEAST_EFFECT_FAR_AHEAD = 0.006
 """And for one that is far ahead (`FAR_AHEAD`), or that the prediction lacks (`LACKED`). (Another author's split of sun
 and sky of .009 had 60 nats, all others 4.)"""

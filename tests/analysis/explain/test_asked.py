@@ -125,13 +125,6 @@ def test_beside_a_cloud_what_is_added_is_what_is_asked_for(arm: Scene) -> None:
     assert asked.least_effect(azimuth, found) > asked.least_effect(offset, found)
 
 
-def test_a_near_field_must_change_more_than_others(arm: Scene) -> None:
-    """Every prediction in the far field lacks one."""
-    near, other = (hypothesis(arm, 100.0, m) for m in ("near-field", "dark-offset"))
-    found = Conclusion(near, hypothesis(arm, 0.0), [near, other])
-    assert asked.least_effect(near, found) > asked.least_effect(other, found)
-
-
 @pytest.mark.parametrize("name", ["sky-sun-ratio", "saturation"])
 @pytest.mark.parametrize(("other", "ahead"), [(4.0, True), (40.0, False)])
 def test_what_no_lens_does_may_change_little_if_far_ahead(arm: Scene, name: str, other: float, ahead: bool) -> None:
