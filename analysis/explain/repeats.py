@@ -85,6 +85,6 @@ def _plain(scene: Scene, fit: Fit, rows: NDArray[np.int64]) -> Floats:
     noise = (r.noise[rows] / r.scale[rows]) ** 2 + (fit.hyper.scatter * usual.scatter) ** 2
     way = _RAMP_PER_DEG * (r.utc_ns[rows] - r.utc_ns[rows].mean()) / 1e9 / SUN_S_PER_DEG
     wander = source_wander(r, rows)
-    turn = np.radians(r.c_deg[rows])
+    turn = np.radians(np.nan_to_num(r.c_deg[rows]))
     oval = _OVAL**2 * np.cos(2.0 * (turn[:, None] - turn))
     return np.asarray(np.diag(noise + 1e-8) + COMMON**2 + np.outer(way, way) + wander + oval)

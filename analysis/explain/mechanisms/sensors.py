@@ -108,14 +108,16 @@ def _own_offsets(scene: Scene, channels: tuple[int, ...]) -> Floats:
     """What a line through each sensor's readings over their predictions says of it in the dark; tests have gains."""
     r = scene.readings
     ratio = r.measured / np.maximum(r.simulated, 1e-9)
-    gain = np.array([np.median(ratio[scene.is_gonio & (r.test == k)]) for k in range(len(r.case.tests))])
+    gain = np.ones(len(r.case.tests))
+    for k in np.unique(r.test[scene.is_gonio]):
+        gain[k] = np.median(ratio[scene.is_gonio & (r.test == k)])
     found = []
     for k in channels:
         rows = np.flatnonzero(scene.is_gonio & (r.channel == k))
         light = np.maximum(r.simulated[rows], 1e-9)
         weight = 1.0 / np.hypot(light, 1e-2 * light.max())
         lines = np.column_stack([np.ones_like(light), light]) * weight[:, None]
-        left = (r.measured[rows] / gain[r.test[rows]] - light) * weight
+        left = (r.measured[rows] / np.maximum(gain[r.test[rows]], 1e-9) - light) * weight
         found.append(float(np.linalg.lstsq(lines, left, rcond=None)[0][0]))
     return np.array(found)
 

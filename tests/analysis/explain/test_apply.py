@@ -38,6 +38,14 @@ def test_a_sensor_of_another_name_is_not_mistaken_for_the_first(tmp_path: Path) 
         corrected(tmp_path / "case", elsewhere)
 
 
+def test_offsets_of_each_sensor_are_applied_to_tests_without_readings(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False)
+    rows = rows_of(WITHHELD)
+    sensors = [f"offset_gonio.g{g:02.0f}" for g in np.unique(rows.gamma_deg)]
+    what = model("dark-offset", "each sensor its own", sensors, list(effects.OFFSETS))
+    assert corrected(tmp_path / "case", what) == pytest.approx(effects.offsets(effects.OFFSETS)(rows), rel=1e-6)
+
+
 def test_a_fitted_level_stays_that_of_the_fit(tmp_path: Path) -> None:
     make_case(tmp_path / "case", tests=WITHHELD, measured=False)
     what = model("nonlinearity", "the goniometer's sensors", ["p"], [0.1], level=500.0)
