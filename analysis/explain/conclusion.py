@@ -7,6 +7,7 @@ import numpy as np
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
+from analysis.explain.mechanisms.lens import LensOrientation
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
@@ -138,8 +139,8 @@ class Conclusion:
     def doubles(self, name: str) -> tuple[str, ...]:
         """Mechanisms that are one and the same number as a given one, or do the same to all readings of this case.
 
-        (Below a tube alone, lenses that are turned are an arm that is turned the other way.) Instruments that no
-        reading is of are none.
+        (Below a tube alone, lenses that are turned are an arm that is turned the other way; below several wells the arm
+        is likelier, `likelier.by_itself`.) Instruments that no reading is of are none.
         """
         known = {other for pair in DOUBLES if name in pair for other in pair}
         mine = self._by_itself(name)
@@ -151,6 +152,8 @@ class Conclusion:
 
     def _same(self, one: Hypothesis, other: Hypothesis) -> bool:
         """Whether two singles do as well as each other, and the same: less apart than such a share of what they do."""
+        if any(LensOrientation.is_an_arms(t) for h in (one, other) for t in h.fit.terms):
+            return False
         change = one.fit.residual - self.nothing.fit.residual
         apart = one.fit.residual - other.fit.residual
         alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change))
