@@ -241,6 +241,20 @@ def test_what_does_the_same_to_all_readings_is_a_double(arm: Scene, turned: floa
         assert found.doubles("c-offset") == () and found.verdict == "unexplained"
 
 
+def test_lenses_that_are_all_turned_below_several_wells_are_no_double_of_the_arm(arm: Scene) -> None:
+    """They do the same; the arm is likelier, and is told alone."""
+    nothing, azimuth = hypothesis(arm, 0.0), hypothesis(arm, 200.0, "c-offset")
+    lenses = hypothesis(arm, 199.0, "lens-orientation")
+    (every,) = (t for t in terms_of(BY_ID["lens-orientation"], arm) if t.branch.label == "turn of every lens")
+    lenses.fit.terms = (every,)
+    for h, size in ((nothing, 0.0), (azimuth, 1.0), (lenses, 1.0)):
+        h.fit.residual = 3.0 - size * np.sin(np.arange(50.0))
+    found = Conclusion(azimuth, nothing, [azimuth, lenses])
+    assert found.doubles("c-offset") == ()
+    decide(found, 1.0)
+    assert found.either == {} and found.verdict == "explained"
+
+
 def test_doubles_that_act_together_are_two_names(arm: Scene) -> None:
     """Light from one side beside an offset in the dark: the readings told them apart."""
     both = hypothesis(arm, 300.0, "dark-offset", "stray-light")
