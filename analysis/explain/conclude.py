@@ -122,7 +122,7 @@ def _wandering_beside(
         if told and told.contradict:
             found.contradicted[wander.name] = "readings of one direction at several moments of a test do not show it"
             continue
-        if told and told.gain > SHOWN:
+        if told and told.told > SHOWN:
             found.shown.add(wander.name)
         elif not base.ids:
             h.evidence -= HOLDS_LAWS * max(h.evidence - base.evidence, 0.0)

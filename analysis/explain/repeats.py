@@ -2,7 +2,8 @@
 
 The arm's lowest sensor looks at nadir in every half plane: sixteen readings of one direction in each test. What a lens,
 a room or an arm does there is the same each time, so those readings tell a changing source from a shape that only
-happens to be visited in the order of time.
+happens to be visited in the order of time. And a source that changes changes all the arm's sensors at once: what nadir
+does alone is the simulation's, whose nadir may have sides.
 """
 
 from dataclasses import dataclass
@@ -28,6 +29,17 @@ _OVAL = 0.006
 wrong as if nadir had sides. (Another author's is, by 2 %; that was told as a cloud, which knows no sides.)"""
 _RAMP_PER_DEG = 0.15
 """Relative change at nadir for a degree of the sun's way: the edge of a sun's image may pass."""
+_FAR_FROM_NADIR_DEG = 20.0
+"""What the simulation has wrong at nadir reaches sensors closer to it, too."""
+_ONE_MOMENT_S = 2.0
+_SLOPES = np.linspace(0.3, 1.5, 25)
+"""How much the other sensors change for a change at nadir, if the source does: of ten true clouds by six other authors
+0.7 to 1.5, where little of their light is the sun's less."""
+_LEAST_RELIABLE = 0.2
+"""Where less of nadir's variance is more than noise, nothing is said of company."""
+_NO_COMPANY = -1.5
+_LEAST_SHARE = 0.01
+"""Nadir tells such a share of what is expected of an effect of its size (of ten true clouds 0.03 and more)."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +52,27 @@ class Repeats:
         Log odds [nats] of the repeats with the effect against without it.
     expected
         What ``gain`` would be on average, were the effect there.
+    company
+        Log odds [nats] that the arm's other sensors change at the moments when nadir does, against not at all.
     """
 
     gain: float
     expected: float
+    company: float = 0.0
+
+    @property
+    def told(self) -> float:
+        """Log odds [nats] of a source that changes, by nadir and the sensors that see it change at once."""
+        return self.gain + self.company
 
     @property
     def contradict(self) -> bool:
-        """Whether the effect should have shown in the repeats, and they are likelier without it.
+        """Whether the effect should have shown in the repeats, and they hardly tell of it; or nadir changes alone.
 
-        Less than nothing is asked: the scatter that is allowed for holds a part of what a small effect does there.
+        Little is asked: the scatter that is allowed for holds a part of what a small effect does there.
         """
-        return self.expected > 3.0 and self.gain < 0.0
+        hidden = self.expected > 3.0 and self.told < _LEAST_SHARE * self.expected
+        return hidden or self.company < _NO_COMPANY
 
 
 def repeats(scene: Scene, fit: Fit, wandering: Wandering) -> Repeats:
@@ -67,7 +88,39 @@ def repeats(scene: Scene, fit: Fit, wandering: Wandering) -> Repeats:
         log_ratio = np.linalg.slogdet(with_it)[1] - np.linalg.slogdet(plain)[1]
         gain += 0.5 * float(residual @ (inverse - inverse_with) @ residual - log_ratio)
         expected += 0.5 * float(np.trace(inverse @ with_it) - len(rows) - log_ratio)
-    return Repeats(gain, expected)
+    return Repeats(gain, expected, company(scene, fit))
+
+
+def company(scene: Scene, fit: Fit) -> float:
+    """Log odds [nats] that what ``fit`` leaves of the arm's other sensors goes with nadir, against not at all.
+
+    Each test's scan is worth two independent moments: what a lens has wrong is smooth in C, which the arm goes through
+    in the order of time. Noise at nadir hides a part of the slope.
+    """
+    pairs = [_pairs(scene, fit, rows) for rows in _repeated(scene)]
+    pairs = [p for p in pairs if len(p) >= _FEWEST]
+    if not pairs:
+        return 0.0
+    nadir, others, noise = np.concatenate([p - p.mean(axis=0) for p in pairs]).T
+    noise = np.concatenate(pairs)[:, 2]
+    reliable = 1.0 - float(np.sum(noise) / max(float(nadir @ nadir), 1e-30))
+    if reliable < _LEAST_RELIABLE:
+        return 0.0
+    left = np.array([np.sum((others - reliable * slope * nadir) ** 2) for slope in _SLOPES])
+    likelihoods = -len(pairs) * np.log(left / float(others @ others))
+    return float(np.logaddexp.reduce(likelihoods) - np.log(len(_SLOPES)))
+
+
+def _pairs(scene: Scene, fit: Fit, rows: NDArray[np.int64]) -> Floats:
+    """What is left at nadir and, at the same moments, of sensors far from it (mean), and the variance of the noise at
+    nadir; shape (n, 3)."""
+    r = scene.readings
+    far = scene.is_gonio & (r.test == r.test[rows[0]]) & (np.nan_to_num(r.gamma_deg) > _FAR_FROM_NADIR_DEG)
+    others = np.flatnonzero(far)
+    at_once = np.abs(r.utc_ns[others] - r.utc_ns[rows][:, None]) < _ONE_MOMENT_S * 1e9
+    means = [fit.residual[others[now]].mean() if now.any() else np.nan for now in at_once]
+    found = np.column_stack([fit.residual[rows], means, (r.noise[rows] / r.scale[rows]) ** 2])
+    return np.asarray(found[np.isfinite(means)])
 
 
 def _repeated(scene: Scene) -> list[NDArray[np.int64]]:

@@ -21,6 +21,7 @@ from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings
 from analysis.explain.repeats import Repeats, repeats
 from analysis.explain.scene import Scene
+from analysis.explain.thresholds import SHOWN
 from analysis.explain.wander import Wandering
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, Floats, Rows, Sky, Truth, light, make_case, rows_of
@@ -181,11 +182,32 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
     assert gain < 0.0 < expected
 
 
+def test_a_cloud_dims_all_sensors_and_what_nadir_does_alone_is_none(tmp_path: Path) -> None:
+    """As other authors' simulations are wrong at nadir, another way in each plane: five wrong names were clouds."""
+
+    def at_nadir(rows: Rows) -> Floats:
+        near = np.exp(-((rows.gamma_deg / 12.0) ** 2))
+        return light(rows) * (1.0 + 0.03 * near * np.cos(np.radians(3.0 * rows.c_deg + 70.0 * rows.test)))
+
+    def found(name: str, truth: Truth) -> Repeats:
+        scene = Scene(Readings.of(make_case(tmp_path / name, truth)))
+        fit = Fitter(scene).fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
+        return repeats(scene, fit, Wandering(CLOUD, 0.05, 45.0))
+
+    alone, cloud = found("nadir", at_nadir), found("cloud", effects.clouds(0.05, 45.0))
+    assert alone.gain > SHOWN and alone.company < -1.5 and alone.contradict
+    assert cloud.gain > SHOWN and cloud.company > 4.0 and not cloud.contradict
+    without = found("same", light)
+    assert without.company == 0.0  # nadir has nothing but noise to be gone with
+
+
 def test_repeats_contradict_a_cloud_only_where_they_are_likelier_without() -> None:
     """Of a cloud of 2.2 % they told 2.6 nats, the scatter holding the rest; where there was none, -12 and less."""
     assert not Repeats(2.6, 14.0).contradict
     assert Repeats(-2.0, 14.0).contradict
     assert not Repeats(-2.0, 2.0).contradict  # it would hardly have shown
+    assert Repeats(0.5, 469.5, 2.4).contradict  # other sensors' light went up and down by far more
+    assert not Repeats(1.6, 38.9, 4.4).contradict and Repeats(1.6, 38.9, 4.4).told > SHOWN  # steady ramps of two tests
 
 
 def test_a_room_found_is_the_room_simulated(tmp_path: Path) -> None:
