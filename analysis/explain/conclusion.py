@@ -8,7 +8,7 @@ from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.lens import LensOrientation
-from analysis.explain.mechanisms.sensors import Nonlinearity
+from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.retrace import Path
 from analysis.explain.thresholds import (
@@ -156,7 +156,7 @@ class Conclusion:
             return False
         change = one.fit.residual - self.nothing.fit.residual
         apart = one.fit.residual - other.fit.residual
-        alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change))
+        alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change)) or _flatten_alike(one, other)
         return alike and abs(one.evidence - other.evidence) < ALIKE
 
     @property
@@ -255,10 +255,23 @@ def of_optics(term: Term) -> bool:
 
 def flattens(h: Hypothesis) -> bool:
     """Whether a response that is not proportional only flattens towards bright light, as a range does that ends."""
-    at = np.cumsum([0, *(len(t.parameters) for t in h.fit.terms)])
-    return any(_is_bent(term) and h.fit.theta[k] < 0.0 for term, k in zip(h.fit.terms, at, strict=False))
+    return any(_is_bent(term) and h.fit.theta[k] < 0.0 for term, k in h.fit.placed)
 
 
 def _is_bent(term: Term) -> bool:
-    way = term.branch.value
-    return term.mechanism.id == Nonlinearity.id and isinstance(way, tuple) and way[1] == "bent"
+    """All forms but a power, which bends dim light as well."""
+    return term.mechanism.id == Nonlinearity.id and isinstance(term.branch.value, tuple)
+
+
+def _flatten_alike(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two are one response that flattens towards bright light, under two names."""
+    return (flattens(one) and flattens_all(other)) or (flattens(other) and flattens_all(one))
+
+
+def flattens_all(h: Hypothesis) -> bool:
+    """Whether a range that ends is told by sensors of which all readings are too small, the bright ones the more.
+
+    That is a response which is not proportional as well: by the same word other authors mean such a law, and by a range
+    that ends a sudden one.
+    """
+    return any(t.mechanism.id == Saturation.id and t.branch.value[1] in Saturation.smooth for t in h.fit.terms)

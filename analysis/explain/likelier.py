@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from analysis.explain import asked
-from analysis.explain.conclusion import Conclusion, flattens, of_optics
+from analysis.explain.conclusion import Conclusion, flattens, flattens_all, of_optics
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
@@ -53,10 +53,15 @@ def _brought(found: Conclusion, rival: tuple[str, ...]) -> float:
 
 
 def _ends(found: Conclusion, rival: tuple[str, ...]) -> float:
-    """How much likelier the first name is than a rival, where one is a range that ends and the other flattens alike."""
+    """How much likelier the first name is than a rival, where one is a range that ends and the other flattens alike.
+
+    Neither, if that end makes all readings too small.
+    """
     bent = next((h for h in found.singles if h.ids == (Nonlinearity.id,)), None)
     names = {found.best.first, *rival}
     if bent is None or not flattens(bent) or len(rival) > 1 or not names & _ENDS or Nonlinearity.id not in names:
+        return 0.0
+    if any(h.ids and set(h.ids) <= names and flattens_all(h) for h in (found.best, *found.singles)):
         return 0.0
     return FLATTENS if found.best.first in _ENDS else -FLATTENS
 
@@ -77,8 +82,8 @@ def beside(h: Hypothesis, other: Hypothesis) -> float:
     names = h.last, other.last
     if Nonlinearity.id not in names or not _ENDS & set(names):
         return 0.0
-    bent, sign = (h, -1.0) if names[0] == Nonlinearity.id else (other, 1.0)
-    return sign * FLATTENS if flattens(bent) else 0.0
+    bent, end, sign = (h, other, -1.0) if names[0] == Nonlinearity.id else (other, h, 1.0)
+    return sign * FLATTENS if flattens(bent) and not flattens_all(end) else 0.0
 
 
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:

@@ -125,6 +125,9 @@ def _own_offsets(scene: Scene, channels: tuple[int, ...]) -> Floats:
 _CHANGE_OVER = 0.15
 """Half width [ln of level] over which a meter changes its range: upwards later than downwards."""
 
+BENDS = ("bent", "hyperbolic")
+"""Forms of a response that bends towards bright light: by its level, or by ever less of it."""
+
 
 class Nonlinearity(Mechanism):
     """The response is not proportional: a power of the light, bent towards bright light, or other beyond a range."""
@@ -145,8 +148,8 @@ class Nonlinearity(Mechanism):
         "true_at", "1", "ln of the level that is read rightly, over the middle level", -4.0, 4.0, 1.0, (0.0,)
     )
     source = (
-        "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y (1 + s) in the upper range, reached "
-        "at once or over a factor of light; "
+        "y (y/y0)^p, y0 the geometric middle of the readings; y (1 + b y/top); y / (1 + c y/top); y (1 + s) in the "
+        "upper range, reached at once or over a factor of light; "
         "CIE/ISO 19476 f3 (linearity), f11 (range change)"
     )
     tie_breaker = "the same readings once more through a neutral filter"
@@ -158,8 +161,13 @@ class Nonlinearity(Mechanism):
         A camera has no ranges: what steps there is its exposures.
         """
         powers = _with_level(scene)
-        forms = {"bent": "bent", "ranges": "by ranges", "gradual": "from one response to another"}
-        ways = [(b, "bent") for b in powers]
+        forms = {
+            "bent": "bent",
+            "hyperbolic": "bent less and less",
+            "ranges": "by ranges",
+            "gradual": "from one response to another",
+        }
+        ways = [(b, form) for b in powers for form in BENDS]
         ways += [(b, "ranges") for b in powers if not _has_camera(scene, b)]
         ways += [(b, "gradual") for b in powers if b.value == "goniometer"]
         return (*powers, *(Branch(f"{b.label}, {forms[form]}", (b.value, form), b.facts) for b, form in ways))
@@ -167,7 +175,7 @@ class Nonlinearity(Mechanism):
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """Those of the form; a single meter was calibrated at some level that nobody knows."""
         if isinstance(branch.value, tuple):
-            if branch.value[1] == "bent":
+            if branch.value[1] in BENDS:
                 return (self.bend,)
             within = self._range_within(scene, branch)
             return (self.step, within) if branch.value[1] == "ranges" else (self.gradual, within, self.over)
@@ -182,14 +190,16 @@ class Nonlinearity(Mechanism):
 
     def blurs(self, p: Floats, branch: Branch) -> bool:
         """Whether only the brightest is brighter: below a skylight, so are images that a lens blurs less."""
-        return branch.value == ("goniometer", "bent") and float(p[0]) > 0.0
+        return branch.value in {("goniometer", form) for form in BENDS} and float(p[0]) > 0.0
 
     def respond(self, scene: Scene, values: Floats, p: Floats, branch: Branch) -> Floats:
         """Bend the response about its middle."""
         which, form = branch.value if isinstance(branch.value, tuple) else (branch.value, "power")
         acts = _is_in(scene, which)
-        if form == "bent":
-            return np.where(acts, values * (1.0 + p[0] * np.maximum(values, 0.0) / branch.facts["top"]), values)
+        if form in BENDS:
+            bright = np.maximum(values, 0.0) / branch.facts["top"]
+            hyperbola = 1.0 / np.maximum(1.0 - p[0] / (1.0 + p[0]) * bright, 0.1)
+            return np.where(acts, values * (1.0 + p[0] * bright if form == "bent" else hyperbola), values)
         level = branch.facts["level"] * (np.exp(p[1]) if len(p) > 1 else 1.0)
         beyond = np.log(np.maximum(values, 1e-9 * level) / level)
         over = max(float(p[2]), 1e-3) if form == "gradual" else _CHANGE_OVER
@@ -207,6 +217,7 @@ class Nonlinearity(Mechanism):
         form = branch.value[1] if isinstance(branch.value, tuple) else "power"
         ways = {
             "bent": f"is not proportional: the brightest reading is {p[0]:+.1%} off",
+            "hyperbolic": f"is not proportional: the brightest reading is {p[0]:+.1%} off, the next hardly less",
             "ranges": f"changes with the range: in the upper one readings are {p[0]:+.1%} off",
             "gradual": f"changes between dim and bright light: bright readings are {p[0]:+.1%} off",
             "power": f"grows as the {1 + p[0]:.3f}th power of the light instead of in proportion",
@@ -235,6 +246,7 @@ class Saturation(Mechanism):
         "slope", "1", "share of the sensitivity that is left beyond", 0.0, 1.0, 0.4, (0.2, 0.6), centre=0.3
     )
     sharpness = Parameter("sharpness", "1", "n: how suddenly the end comes", 1.2, 20.0, 4.0, (2.0, 5.0), centre=4.0)
+    smooth = ("gradual", "exponential")
     source = (
         "y/(1+y/Y) (dead time), Y(1-exp(-y/Y)), y/(1+(y/Y)^n)^(1/n), min(y, Y) (converter's end), Y + s (y-Y) "
         "(amplifier's knee)"
@@ -248,7 +260,7 @@ class Saturation(Mechanism):
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Forms of the end, for one kind of instrument; not for roof meters."""
-        forms = ("gradual", "exponential", "rounded", "clipped", "knee")
+        forms = (*self.smooth, "rounded", "clipped", "knee")
         ways = [b for b in _with_level(scene) if not np.any(scene.is_roof & _acts(scene, b))]
         return tuple(Branch(f"{b.label}, {f}", (b.value, f), b.facts) for b in ways for f in forms)
 

@@ -15,7 +15,7 @@ from analysis.explain.readings import Readings, sun_at
 from analysis.explain.scene import Scene
 from analysis.sky.perez import PerezSky
 from tests.analysis.explain import effects
-from tests.analysis.explain.campaign import TESTS, Floats, Truth, light, make_case, rows_of
+from tests.analysis.explain.campaign import TESTS, Floats, Rows, Truth, light, make_case, rows_of
 from tests.analysis.explain.roof import (
     ROOF_TESTS,
     SKY_TESTS,
@@ -43,6 +43,11 @@ def acted(scene: Scene, mechanism: str, way: str, *theta: float) -> Floats:
     return predict(scene, (term(scene, mechanism, way),), np.array(theta))
 
 
+def flatter(rows: Rows) -> Floats:
+    """What a response makes of the light that tells four fifths of the brightest, and ever less below."""
+    return light(rows) / (1.0 + 0.25 * light(rows) / BASE.max())
+
+
 SENSORS = "the goniometer's sensors"
 LATE = effects.gradual(0.2, MIDDLE * np.exp(0.4), 1.3)
 # The last number is the largest error allowed, relative to the reading (to a fiftieth of the test's top in the dark).
@@ -64,6 +69,13 @@ ON_THE_ARM = [
     ("dark-offset", "each sensor its own", effects.OFFSETS, effects.offsets(effects.OFFSETS), 1e-6),
     ("nonlinearity", SENSORS, (0.05,), effects.power(0.05, MIDDLE), 1e-6),
     ("nonlinearity", f"{SENSORS}, bent", (-0.3,), effects.bend(-0.3, BASE.max()), 1e-6),
+    (
+        "nonlinearity",
+        f"{SENSORS}, bent less and less",
+        (-0.2,),
+        lambda rows: light(rows) / (1.0 + 0.25 * light(rows) / BASE.max()),
+        1e-6,
+    ),
     ("nonlinearity", f"{SENSORS}, by ranges", (0.05, 0.5), effects.ranges(0.05, MIDDLE * np.exp(0.5)), 0.008),
     ("nonlinearity", f"{SENSORS}, from one response to another", (0.2, 0.4, 1.3), LATE, 1e-6),
     ("saturation", f"{SENSORS}, rounded", (0.8, 5.0), effects.rounded(BASE.max() / 0.8, 5.0), 1e-6),

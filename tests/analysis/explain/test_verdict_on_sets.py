@@ -38,12 +38,33 @@ def test_a_response_that_flattens_is_a_range_that_ends(
     curve = hypothesis(arm, 300.0, "nonlinearity")
     curve.fit.terms, curve.fit.theta = (bent,), np.array([bend])
     end = hypothesis(arm, 300.0, "saturation")
+    end.fit.terms = (next(t for t in terms_of(BY_ID["saturation"], arm) if t.branch.label.endswith("clipped")),)
     for first, second, sure in ((end, curve, odds), (curve, end, -odds)):
         found = Conclusion(first, hypothesis(arm, 0.0), [first, second])
         decide(found, 1.0)
         assert found.probability[first.first] == pytest.approx(RELIABLE * expit(sure), abs=1e-6)
         beside = [replace(h, fit=replace(h.fit)) for h in (first, second)]
         assert share_of(found, beside[0], found.nothing, beside, 40.0) == pytest.approx(expit(sure), abs=1e-6)
+
+
+def test_a_range_whose_end_is_not_seen_is_a_response_that_flattens(arm: Scene) -> None:
+    """One law under two names, which other authors give it: told is either, however it is written down."""
+    bent = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label.endswith("less and less"))
+    for way, alike in (("exponential", True), ("clipped", False)):
+        curve, end = hypothesis(arm, 299.0, "nonlinearity"), hypothesis(arm, 300.0, "saturation")
+        curve.fit.terms, curve.fit.theta = (bent,), np.array([-0.1])
+        curve.fit.residual = end.fit.residual + 0.01 * np.arange(len(end.fit.residual))  # not the same by far
+        end.fit.terms = (next(t for t in terms_of(BY_ID["saturation"], arm) if t.branch.label.endswith(way)),)
+        found = Conclusion(end, hypothesis(arm, 0.0), [end, curve])
+        assert (found.doubles("saturation") == ("nonlinearity",)) is alike
+        decide(found, 1.0)
+        assert ("saturation" in found.either) is alike
+
+
+def test_small_gains_are_compared_as_what_they_are() -> None:
+    """What a form has wrong grows with what it does: beside 16 nats six count as one, not ten; beside 400 all fifty."""
+    assert temper(16.0) == pytest.approx(5.6) and temper(400.0) == pytest.approx(50.0)
+    assert temper(0.5) == temper(1.0) > 0.0
 
 
 @pytest.mark.parametrize(
