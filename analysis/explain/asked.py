@@ -3,6 +3,7 @@
 What looks like a simulation's own errors is asked for more than what does not.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,7 @@ from analysis.explain.thresholds import (
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
     NAME_FIRST_FREE,
+    NAME_FIRST_FREE_EACH,
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
     NAME_SECOND,
@@ -117,7 +119,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST if h.last in found.shown else usual
     if found.one_instrument:
         return NAME_FIRST
-    return NAME_FIRST_FREE if any(len(t.parameters) > _FEW_NUMBERS for t in h.fit.terms) else NAME_FIRST_BELOW
+    return max(NAME_FIRST_BELOW, _free(h.fit.terms))
 
 
 def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool, share: float = 0.0) -> float:
@@ -158,8 +160,8 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
         return NAME_SECOND
     if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
-    if any(len(t.parameters) > _FEW_NUMBERS for t in added):
-        return NAME_FIRST_FREE
+    if _free(added):
+        return _free(added)
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
 
@@ -169,6 +171,12 @@ def least_effect(h: Hypothesis, found: Conclusion) -> float:
     if far_ahead(h, found) or h.last in found.lacked:
         return LEAST_EFFECT_FAR_AHEAD
     return alone if len(h.ids) == 1 else further
+def _free(terms: Iterable[Term]) -> float:
+    """What is asked of the freest of some forms; nothing of those with few parameters."""
+    most = max((len(t.parameters) for t in terms), default=0)
+    return max(NAME_FIRST_FREE, NAME_FIRST_FREE_EACH * most) if most > _FEW_NUMBERS else 0.0
+
+
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:

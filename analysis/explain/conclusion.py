@@ -24,6 +24,7 @@ from analysis.explain.thresholds import (
     SURE_BESIDE,
     SURE_BESIDE_BELOW,
     TEMPER,
+    TEMPER_SHARE,
 )
 
 _TOLD = 4  # so many kinds of unnamed structure are told
@@ -233,7 +234,15 @@ class Conclusion:
 
 
 def temper(gain: float, nat: float = TEMPER) -> float:
-    """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root."""
+    """How many nats count as one beside a gain: evidence for one form against another wanders by the gain's root.
+
+    But by no more than a share of it: what a form has wrong grows with what it does.
+    """
+    return min(by_root(gain, nat), max(TEMPER_SHARE * gain, nat))
+
+
+def by_root(gain: float, nat: float = TEMPER) -> float:
+    """How many nats count as one against nothing at all."""
     return nat * float(np.sqrt(max(gain, 1.0)))
 
 

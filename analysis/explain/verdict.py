@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.explain import asked, likelier
-from analysis.explain.conclusion import Conclusion, temper, traced
+from analysis.explain.conclusion import Conclusion, by_root, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.thresholds import (
@@ -238,7 +238,7 @@ def _probabilities(found: Conclusion) -> None:
     even = EVEN_GAIN if found.best.first in _GAINS else EVEN_PICTURE if found.pictures else EVEN
     even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
     even *= float(np.clip(found.best.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
-    nothing = ((even if found.one_instrument else 0.0) - top) / nats
+    nothing = ((even if found.one_instrument else 0.0) - top) / by_root(top, found.nat)
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against

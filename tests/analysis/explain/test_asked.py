@@ -35,6 +35,7 @@ from analysis.explain.thresholds import (
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
     NAME_FIRST_FREE,
+    NAME_FIRST_FREE_EACH,
     NAME_FIRST_LENS,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
@@ -74,7 +75,7 @@ def test_beside_others_offsets_of_all_sensors_must_gain_as_much_as_alone(arm: Sc
         both = hypothesis(arm, 160.0, "c-offset", "dark-offset")
         both.fit.terms = (*base.fit.terms, t)
         needed[len(t.parameters)] = asked.beside(both, base, found, "dark-offset", False, 1.0)
-    assert needed[10] - needed[1] == NAME_FIRST_FREE - NAME_SECOND_BELOW
+    assert needed[10] - needed[1] == 10 * NAME_FIRST_FREE_EACH - NAME_SECOND_BELOW > NAME_FIRST_FREE - NAME_SECOND_BELOW
 
 
 @pytest.mark.parametrize(
