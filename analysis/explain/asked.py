@@ -80,11 +80,12 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """What a first mechanism must gain over "nothing", with so much of a shutter's bound (`share_of_few`).
 
     Below a skylight that is more where the simulation's lens is wrong by more than usual beside it (`WRONG_LENS`), but
-    not of what the prediction lacks by the case's own account; no lens is wrong at one sensor alone, or as a clock is.
+    not of what the prediction lacks by the case's own account, nor of what repeated readings show; no lens is wrong at
+    one sensor alone, or as a clock is.
     (Where a sensor's gain led, in five of 200 by three other authors, it was true.)
     """
     lens = h.fit.hyper.lens
-    never_wrong = {ChannelGain.id, *found.lacked}
+    never_wrong = {ChannelGain.id, *found.lacked, *found.shown}
     far_wrong = not found.one_instrument and lens > WRONG_LENS and not set(h.ids) <= never_wrong
     return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 

@@ -7,7 +7,7 @@ from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
 from analysis.explain.conclusion import Conclusion, Unnamed
-from analysis.explain.families import CLOUD, named_wanders, unnamed_wanders
+from analysis.explain.families import CLOUD, SCAN_ORDER, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.likelier import beforehand, unseen
@@ -200,7 +200,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
     if not seen or gain < needed or base.evidence + gain < found.best.evidence + needed:
         return None
-    if share < found.sure_beside:
+    if share < found.sure_beside or _no_more_a_cloud(search, best):
         return None
     near = max(ALIKE, found.temper(gain))
     tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
@@ -212,6 +212,11 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
 
 def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis, alone: float) -> Hypothesis:
     """The best of what could be added to ``base``, which has some evidence ``alone``.
+
+def _no_more_a_cloud(search: Search, h: Hypothesis) -> bool:
+    """Whether a cloud that was there first is none beside what was added: repeated readings no longer show it."""
+    return any(x.wander is CLOUD and repeats(search.scene, h.fit, x).contradict for x in h.wanders)
+
 
     No instrument that no reading is of, if another is hardly behind it; but what the prediction lacks by the case's own
     account, if it is hardly behind another.
@@ -243,6 +248,8 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
         found.append(Unnamed(some.wander.along, h.evidence - alone, some.amplitude, weighed=h))
     whole = search.before_quieting
     if odd := odd_readings(whole, base.fit, extra):
+        if some.wander.along == SCAN_ORDER and repeats(search.scene, base.fit, some).alone:
+            continue  # what nadir alone does in the order of the planes is no function of time
         family, ways = odd
         h = whole.wandering(base, family, extra)
         gain = h.evidence - ways - whole.reweighed(base, extra)

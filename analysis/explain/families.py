@@ -50,6 +50,7 @@ def named_wanders(scene: Scene, tried: set[str]) -> tuple[Wander, ...]:
 
 def unnamed_wanders(scene: Scene) -> tuple[Wander, ...]:
     """Unnamed structure along the coordinates that this scene has."""
+SCAN_ORDER = "time since the test began"
     r = scene.readings
     tests = len(np.unique(r.test))
     found = []
@@ -92,7 +93,7 @@ def unnamed_wanders(scene: Scene) -> tuple[Wander, ...]:
     if r.has_times and np.max(np.bincount(r.test)) >= 20:
         longest = max(float(np.ptp(r.utc_ns[r.test == k])) / 1e9 for k in np.unique(r.test))
         steps = (max(15.0, longest / 150.0),)  # a scan takes minutes, a series of a meter a day
-        found.append(Wander("factor by scan order", "time since the test began", (along.in_scan_order,), SIZES, steps))
+        found.append(Wander("factor by scan order", SCAN_ORDER, (along.in_scan_order,), SIZES, steps))
     if r.has_times and tests > 3:
         lengths = (60.0,) if "goniometer" in scene.kinds else (60.0, 6000.0)  # a meter ages over days
         found.append(Wander("factor by hour", "time over the campaign", (along.in_hours,), SIZES, lengths))

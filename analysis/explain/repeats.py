@@ -38,8 +38,8 @@ _SLOPES = np.linspace(0.3, 1.5, 25)
 _LEAST_RELIABLE = 0.2
 """Where less of nadir's variance is more than noise, nothing is said of company."""
 _NO_COMPANY = -1.5
-_LEAST_SHARE = 0.01
-"""Nadir tells such a share of what is expected of an effect of its size (of ten true clouds 0.03 and more)."""
+_LEAST_SHARE = 0.02
+"""Nadir tells such a share of what is expected of an effect of its size (of ten true clouds 0.04 and more)."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,18 @@ class Repeats:
         return self.gain + self.company
 
     @property
+    def alone(self) -> bool:
+        """Whether nadir changes, and no other sensor at the same moments."""
+        return self.company < _NO_COMPANY
+
+    @property
     def contradict(self) -> bool:
         """Whether the effect should have shown in the repeats, and they hardly tell of it; or nadir changes alone.
 
         Little is asked: the scatter that is allowed for holds a part of what a small effect does there.
         """
         hidden = self.expected > 3.0 and self.told < _LEAST_SHARE * self.expected
-        return hidden or self.company < _NO_COMPANY
+        return hidden or self.alone
 
 
 def repeats(scene: Scene, fit: Fit, wandering: Wandering) -> Repeats:

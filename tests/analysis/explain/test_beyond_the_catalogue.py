@@ -9,10 +9,12 @@ import pytest
 
 from analysis.explain.again import simulated_again
 from analysis.explain.answer import answer
-from analysis.explain.families import CLOUD
+from analysis.explain.conclude import _unnamed_beside
+from analysis.explain.families import CLOUD, SCAN_ORDER
 from analysis.explain.fit import Fitter
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.hypers import Hyper
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.states import terms_of
@@ -21,6 +23,7 @@ from analysis.explain.next_measurement import next_measurement
 from analysis.explain.readings import Readings
 from analysis.explain.repeats import Repeats, repeats
 from analysis.explain.scene import Scene
+from analysis.explain.search import Search
 from analysis.explain.thresholds import SHOWN
 from analysis.explain.wander import Wandering
 from tests.analysis.explain import effects
@@ -192,6 +195,8 @@ def test_a_cloud_dims_all_sensors_and_what_nadir_does_alone_is_none(tmp_path: Pa
     def found(name: str, truth: Truth) -> Repeats:
         scene = Scene(Readings.of(make_case(tmp_path / name, truth)))
         fit = Fitter(scene).fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
+        unnamed = _unnamed_beside(Search(Fitter(scene), [], []), Hypothesis(fit, 0.0), ())
+        assert (SCAN_ORDER in {u.along for u in unnamed}) is (name != "nadir")  # nor is that a function of time
         return repeats(scene, fit, Wandering(CLOUD, 0.05, 45.0))
 
     alone, cloud = found("nadir", at_nadir), found("cloud", effects.clouds(0.05, 45.0))
