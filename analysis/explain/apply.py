@@ -172,7 +172,8 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
             f"{mechanism.id} ({entry['way']}) cannot be applied to this case: {because or 'it has no such way'}",
             "bring the variants, systems, channels or facts that the mechanism needs (labdaq mechanisms)",
         )
-    return replace(found[0], branch=replace(found[0].branch, facts=facts))
+    branch = replace(found[0].branch, facts=facts)
+    return replace(found[0], branch=branch, parameters=mechanism.parameters_in(scene, branch))
 
 
 def _brought(mechanism: Mechanism, scene: Scene, retraced: Retraced) -> tuple[Term, ...]:

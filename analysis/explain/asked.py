@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from analysis.explain.conclusion import Conclusion, of_another_lens
-from analysis.explain.families import CLOUD, UNREST
+from analysis.explain.families import CLOUD, PATTERN, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
 from analysis.explain.hypothesis import Hypothesis
@@ -41,6 +41,7 @@ from analysis.explain.thresholds import (
     NAME_FIRST_FREE_EACH,
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
+    NAME_PATTERN,
     NAME_SECOND,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
@@ -115,6 +116,8 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_LENS
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS
+    if h.wanders and h.wanders[-1].wander is PATTERN:
+        return NAME_PATTERN
     if h.wanders:
         usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else few * NAME_FIRST_RANDOM
         return NAME_FIRST if h.last in found.shown else usual
@@ -145,6 +148,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return times * NAME_FIRST_FAR + left
     if any(_stretches(t) for t in added):
         return times * NAME_STRETCHED + left
+    if new == PATTERN.name and best.wanders and best.wanders[-1].wander is PATTERN:
+        return times * NAME_PATTERN + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
     if random:
@@ -166,18 +171,18 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
 
-def least_effect(h: Hypothesis, found: Conclusion) -> float:
-    """By how much a name must change the readings (rms, relative), as the first or beside others."""
-    alone, further = LEAST_EFFECTS_OF_ARM if h.last in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
-    if far_ahead(h, found) or h.last in found.lacked:
-        return LEAST_EFFECT_FAR_AHEAD
-    return alone if len(h.ids) == 1 else further
 def _free(terms: Iterable[Term]) -> float:
     """What is asked of the freest of some forms; nothing of those with few parameters."""
     most = max((len(t.parameters) for t in terms), default=0)
     return max(NAME_FIRST_FREE, NAME_FIRST_FREE_EACH * most) if most > _FEW_NUMBERS else 0.0
 
 
+def least_effect(h: Hypothesis, found: Conclusion) -> float:
+    """By how much a name must change the readings (rms, relative), as the first or beside others."""
+    alone, further = LEAST_EFFECTS_OF_ARM if h.last in _POINTING else (LEAST_EFFECT_FIRST, LEAST_EFFECT)
+    if far_ahead(h, found) or h.last in found.lacked:
+        return LEAST_EFFECT_FAR_AHEAD
+    return alone if len(h.ids) == 1 else further
 
 
 def more_as_rival(h: Hypothesis, found: Conclusion) -> float:
@@ -201,7 +206,8 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    if any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
+    patterned = any(x.wander is PATTERN for x in h.wanders)
+    if patterned or any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG

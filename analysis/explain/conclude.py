@@ -7,7 +7,7 @@ from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
 from analysis.explain.conclusion import Conclusion, Unnamed
-from analysis.explain.families import CLOUD, SCAN_ORDER, named_wanders, unnamed_wanders
+from analysis.explain.families import CLOUD, PATTERN, SCAN_ORDER, named_wanders, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.likelier import beforehand, unseen
@@ -26,6 +26,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
+from analysis.explain.told_pattern import with_its_pattern
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles
 
 
@@ -54,9 +55,11 @@ def conclude(search: Search) -> Conclusion:
         _grow(search, found)
     elif not found.one_instrument:
         _name_two_together(search, found, few)
+    found.best = with_its_pattern(search, found.best)
     _look_for_unnamed(search, found)
     decide(found, few)
     if name_the_sure(found):
+        found.best = with_its_pattern(search, found.best)
         _look_for_unnamed(search, found)
     state(found)
     share_with_doubles(found)
@@ -114,7 +117,7 @@ def _wandering_beside(
     search: Search, found: Conclusion, base: Hypothesis, extra: tuple[Extra, ...]
 ) -> list[Hypothesis]:
     """``base`` with each of the catalogue's random effects that repeated readings do not contradict."""
-    tried = {m.id for m in search.mechanisms if m.random} - set(base.ids)
+    tried = {m.id for m in search.mechanisms if m.random or m.id == PATTERN.name} - set(base.ids)
     kept = []
     for h in search.each_wandering(base, named_wanders(search.scene, tried), extra):
         wander = h.wanders[-1].wander
@@ -124,7 +127,7 @@ def _wandering_beside(
             continue
         if told and told.told > SHOWN:
             found.shown.add(wander.name)
-        elif not base.ids:
+        elif not base.ids and wander is not PATTERN:
             h.evidence -= HOLDS_LAWS * max(h.evidence - base.evidence, 0.0)
         kept.append(h)
     return kept
@@ -210,13 +213,13 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     return gain, best
 
 
-def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis, alone: float) -> Hypothesis:
-    """The best of what could be added to ``base``, which has some evidence ``alone``.
-
 def _no_more_a_cloud(search: Search, h: Hypothesis) -> bool:
     """Whether a cloud that was there first is none beside what was added: repeated readings no longer show it."""
     return any(x.wander is CLOUD and repeats(search.scene, h.fit, x).contradict for x in h.wanders)
 
+
+def _likeliest(found: Conclusion, candidates: list[Hypothesis], base: Hypothesis, alone: float) -> Hypothesis:
+    """The best of what could be added to ``base``, which has some evidence ``alone``.
 
     No instrument that no reading is of, if another is hardly behind it; but what the prediction lacks by the case's own
     account, if it is hardly behind another.
@@ -245,11 +248,11 @@ def _unnamed_beside(search: Search, base: Hypothesis, extra: tuple[Extra, ...]) 
     found = []
     for h in search.each_wandering(base, unnamed_wanders(search.scene), extra):
         some = h.wanders[-1]
+        if some.wander.along == SCAN_ORDER and repeats(search.scene, base.fit, some).alone:
+            continue  # what nadir alone does in the order of the planes is no function of time
         found.append(Unnamed(some.wander.along, h.evidence - alone, some.amplitude, weighed=h))
     whole = search.before_quieting
     if odd := odd_readings(whole, base.fit, extra):
-        if some.wander.along == SCAN_ORDER and repeats(search.scene, base.fit, some).alone:
-            continue  # what nadir alone does in the order of the planes is no function of time
         family, ways = odd
         h = whole.wandering(base, family, extra)
         gain = h.evidence - ways - whole.reweighed(base, extra)

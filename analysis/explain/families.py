@@ -7,10 +7,11 @@ better than the named mechanisms do, then nobody has named the physics yet, and 
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain import along
+from analysis.explain import along, shift_pattern
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.scene import Scene
 from analysis.explain.series import unrest
+from analysis.explain.shift_pattern import without_pattern
 from analysis.explain.wander import Wander
 
 CLOUD = Wander(
@@ -36,21 +37,32 @@ UNREST = Wander(
 )
 """Two clocks that differ under broken cloud: what it did in the meantime is not known (amplitude: root of min)."""
 
+PATTERN = Wander(
+    "lens-anisotropy",
+    "how far, and which way, a lens shifts the sun's light",
+    (shift_pattern.effects,),
+    (0.03, 0.06, 0.12, 0.25),
+    (shift_pattern.RING,),
+    BY_ID["lens-anisotropy"],
+)
+"""The pattern of a lens that was simulated without any: which it is nobody knows beforehand."""
+
 _UNTOUCHED = 0.2
 """A scatter whose median is below this share of its standard deviation (a Gaussian: 0.67) is that of few readings."""
 
+SCAN_ORDER = "time since the test began"
 SIZES = (0.03, 0.10, 0.30)
 """Relative standard deviations of unnamed structure that are tried."""
 
 
 def named_wanders(scene: Scene, tried: set[str]) -> tuple[Wander, ...]:
     """The catalogue's random effects that can be tried on this scene."""
-    return tuple(x for x in (CLOUD, SHUTTER) if x.name in tried)
+    pattern = (PATTERN,) if "goniometer" in scene.kinds and scene.retraced and without_pattern(scene) else ()
+    return tuple(x for x in (CLOUD, SHUTTER, *pattern) if x.name in tried)
 
 
 def unnamed_wanders(scene: Scene) -> tuple[Wander, ...]:
     """Unnamed structure along the coordinates that this scene has."""
-SCAN_ORDER = "time since the test began"
     r = scene.readings
     tests = len(np.unique(r.test))
     found = []

@@ -64,7 +64,8 @@ class Search:
         self.mechanisms = tuple(m for m in mechanisms if self._can_try(m))
         possible = [m for m in conjectures if set(m.kinds) & set(self.scene.kinds) and not m.why_not(self.scene)]
         self.conjectures = {m.id: terms_of(m, self.scene) for m in possible}
-        self._terms = {m.id: terms_of(m, self.scene) for m in self.mechanisms if not m.random}
+        known = {m.id: terms_of(m, self.scene) for m in self.mechanisms if not m.random}
+        self._terms = {m: tuple(t for t in terms if not t.branch.of_random) for m, terms in known.items()}
 
     def _can_try(self, mechanism: Mechanism) -> bool:
         setup = self.scene.readings.case.setup

@@ -65,6 +65,8 @@ class Branch:
         Whether it was simulated on a lens that is hardly unlike the prediction's, in another form than a path.
     sort
         What kind of way it is: the best of each kind is fitted again with what its form has wrong.
+    of_random
+        Whether it holds what a random effect has told, and is not looked for by itself.
     """
 
     label: str = ""
@@ -75,6 +77,7 @@ class Branch:
     stands_in: bool = False
     like: bool = False
     sort: str = ""
+    of_random: bool = False
 
     @property
     def of_case(self) -> bool:

@@ -1,17 +1,19 @@
 """The lens: haze, and the pattern of its prisms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
+from analysis.explain import shift_pattern
 from analysis.explain.geometry import turned
-from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Stage, Term
+from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Reported, Stage, Term, told
 from analysis.explain.mechanisms.retraced import NO_VARIANT, Retraced, systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
+from analysis.explain.shift_pattern import WAYS
 
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
@@ -111,6 +113,9 @@ class LensHaze(Retraced):
         return f"{p[0]:.1%} of the light is scattered widely ({branch.label}), beyond what was simulated."
 
 
+ANY_PATTERN = Branch("any pattern, read off the recordings", of_random=True)
+
+
 class LensAnisotropy(Retraced):
     """An isotropic lens was simulated; the real one is not."""
 
@@ -128,11 +133,48 @@ class LensAnisotropy(Retraced):
         """Of a prediction that a variant makes isotropic, and none gives more of a pattern, the lens had its own."""
         if scene.retraced is not None and self.id in scene.retraced.has:
             return "the prediction has the lens's pattern, by the case's own variants"
-        return super().why_not(scene)
+        return super().why_not(scene) or ("" if super().branches(scene) else NO_VARIANT)
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """Patterns that were traced; and one that is read off the recordings themselves, when they have told of it."""
+        return (*super().branches(scene), ANY_PATTERN)
+
+    def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
+        """Of any pattern, so much of each unit effect of each system that the branch's facts name."""
+        if not branch.of_random:
+            return super().parameters_in(scene, branch)
+        effect = Parameter("", "1", "relative change of the sun's light", -1.0, 1.0, 0.06, (0.0,))
+        return tuple(replace(effect, name=f"{system}: {way}") for system in branch.facts for way in WAYS)
+
+    def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
+        """Let the sun's light go by the shift; light of the sky comes from everywhere, and has no pattern."""
+        if not branch.of_random:
+            super().illuminate(scene, light, p, branch)
+            return
+        numbers = shift_pattern.systems_of(scene)
+        of_test = np.zeros((len(scene.readings.case.tests), len(WAYS)))
+        for system, mine in zip(branch.facts, p.reshape(-1, len(WAYS)), strict=True):
+            of_test[scene.readings.system == numbers.get(system, -1)] = mine
+        change = np.einsum("tk,ktpg->tpg", of_test, scene.remember(shift_pattern.on_fields))
+        light.sun = light.sun * np.maximum(1.0 + change, 0.0)
+
+    def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
+        """Of any pattern its contrast alone: sixty numbers tell nobody anything."""
+        if not term.branch.of_random:
+            return super().report(p, sd, term)
+        size = float(np.sqrt(np.sum(p**2) / max(len(p) / len(WAYS), 1.0)))
+        spread = float(np.sqrt(np.sum((p * sd) ** 2)) / max(size, 1e-9)) if size else 0.0
+        return {"contrast": told(size, spread, "1")}
+
+    def statement(self, p: Floats, branch: Branch) -> str:
+        """Say that there is one."""
+        if not branch.of_random:
+            return super().statement(p, branch)
+        return "The simulation's lens sends the sun's light alike to all sides; the real one has a pattern of its own."
 
     def size_error_in(self, scene: Scene, branch: Branch) -> float:
         """Another lens has other prisms than the one that was traced; the case's own variants have the same."""
-        return super().size_error_in(scene, branch) if branch.of_case else IMAGES_OF_SIZE
+        return super().size_error_in(scene, branch) if branch.of_case or branch.of_random else IMAGES_OF_SIZE
 
 
 @dataclass(frozen=True)
