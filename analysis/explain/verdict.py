@@ -244,7 +244,7 @@ def _probabilities(found: Conclusion) -> None:
         left = 0.0 if _takes_the_rest(found) else found.left_against
         law = found.law_odds(top if len(ids) == 1 else found.best.evidence - found.nothing.evidence, nats)
         nearest = max(*rivals.values(), law, nothing) + likelier.unseen(found, (found.best.first,))
-        sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / nats))
+        sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / by_root(top, found.nat)))
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
         if found.one_instrument and len(ids) > 2:
             found.probability = {m: OF_THREE * p for m, p in found.probability.items()}
