@@ -3,7 +3,6 @@
 What looks like a simulation's own errors is asked for more than what does not.
 """
 
-from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -20,6 +19,7 @@ from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     FAR_AHEAD,
+    FEW_NUMBERS,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LACKED,
@@ -37,8 +37,6 @@ from analysis.explain.thresholds import (
     NAME_FIRST_BELOW,
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
-    NAME_FIRST_FREE,
-    NAME_FIRST_FREE_EACH,
     NAME_FIRST_LENS,
     NAME_FIRST_RANDOM,
     NAME_PATTERN,
@@ -73,8 +71,6 @@ _ONE_PATTERN: Final = frozenset({"lens-orientation", "lens-anisotropy"})
 """A prediction that knows no pattern has none that lies wrongly. (Of ten other authors' 844 cases none
 hides both, on one system or on two.)"""
 _POINTING: Final = frozenset({GammaOffset.id, COffset.id})
-_FEW_NUMBERS: Final = 2
-"""A form with more parameters than this bends to ripple."""
 
 
 def first(h: Hypothesis, found: Conclusion, few: float) -> float:
@@ -87,7 +83,8 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """
     lens = h.fit.hyper.lens
     never_wrong = {ChannelGain.id, *found.lacked, *found.shown}
-    far_wrong = not found.one_instrument and lens > WRONG_LENS and not set(h.ids) <= never_wrong
+    bends = any(len(t.parameters) > FEW_NUMBERS for t in h.fit.terms)  # its evidence is less already
+    far_wrong = not found.one_instrument and lens > WRONG_LENS and not (bends or set(h.ids) <= never_wrong)
     return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 
 
@@ -123,7 +120,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST if h.last in found.shown else usual
     if found.one_instrument:
         return NAME_FIRST
-    return max(NAME_FIRST_BELOW, _free(h.fit.terms))
+    return NAME_FIRST_BELOW
 
 
 def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, random: bool, share: float = 0.0) -> float:
@@ -166,15 +163,7 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
         return NAME_SECOND
     if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
-    if _free(added):
-        return _free(added)
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
-
-
-def _free(terms: Iterable[Term]) -> float:
-    """What is asked of the freest of some forms; nothing of those with few parameters."""
-    most = max((len(t.parameters) for t in terms), default=0)
-    return max(NAME_FIRST_FREE, NAME_FIRST_FREE_EACH * most) if most > _FEW_NUMBERS else 0.0
 
 
 def least_effect(h: Hypothesis, found: Conclusion) -> float:

@@ -25,6 +25,7 @@ from analysis.explain.prior import Prior
 from analysis.explain.ray_noise import ray_noise
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
+from analysis.explain.thresholds import EACH_NUMBER, FEW_NUMBERS
 from analysis.explain.whitening import Factored, Solved, Whitener
 
 
@@ -264,7 +265,13 @@ class Fitter:
         """Set evidence, covariance and best sizes of fits; the search for those begins at ``start`` (or the fit's)."""
         for f in fits:
             f.hyper, f.log_evidence = self.lattice.climb(self.density(f, extra), start or f.hyper, strides)
+            f.log_evidence -= self._bending(f.terms)
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
+
+    def _bending(self, terms: tuple[Term, ...]) -> float:
+        """What forms with many parameters count for less [nats]: they bend to a simulation's ripple."""
+        free = (t for t in terms if len(t.parameters) > FEW_NUMBERS and not t.branch.of_random)
+        return EACH_NUMBER * sum(len(t.parameters) for t in free) if np.any(self.scene.is_gonio) else 0.0
 
     def density(self, fit: Fit, extra: tuple[Extra, ...]) -> Callable[[Hyper], float]:
         """Log evidence of a fit at some sizes, their prior included."""

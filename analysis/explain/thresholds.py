@@ -32,12 +32,12 @@ in proportion where it is less wrong,"""
 EVEN_LEAST = 0.15
 """down to such a share. (On two authors' roofs and cameras twelve more first names are told for this, eleven of them
 right.)"""
-NAME_FIRST_FREE = 40.0
-NAME_FIRST_FREE_EACH = 10.0
-"""The same of a form with more than two parameters, beside others too, and for each of them: it bends to ripple. (On
-another author's skylights a response that changes gradually to another gained 19 and 31 where nothing was left out; on
-further authors', offsets of ten sensors 64 there, and 32, 40, 53, 70, 74 and 87 for other physics; true ones, but for
-one of 41, 110 and more.)"""
+EACH_NUMBER = 9.0
+"""Below a skylight a form of more than two parameters (`FEW_NUMBERS`) counts for so much less for each of them: it
+bends to ripple. (On another author's skylights a response that changes gradually to another gained 19 and 31 where
+nothing was left out; on further authors', offsets of ten sensors 64 there, and 32, 40, 53, 70, 74 and 87 for other
+physics; true ones, but for one of 41, 110 and more.)"""
+FEW_NUMBERS = 2
 NAME_PATTERN = 30.0
 """A lens's pattern that is read off the recordings, where the simulation had none, must gain this, beside others too.
 (Of four other authors' true ones 21 to 110; nulls of seven -6 and less.)"""

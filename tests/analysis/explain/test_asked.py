@@ -16,12 +16,14 @@ from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.lens import ANY_PATTERN
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
+    EACH_NUMBER,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LACKED,
@@ -34,8 +36,6 @@ from analysis.explain.thresholds import (
     NAME_FIRST_BELOW,
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
-    NAME_FIRST_FREE,
-    NAME_FIRST_FREE_EACH,
     NAME_FIRST_LENS,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
@@ -54,28 +54,19 @@ from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis, on_another_lens
 
 
-@pytest.mark.parametrize(
-    ("way", "needed"), [("", NAME_FIRST_BELOW), (", from one response to another", NAME_FIRST_FREE)]
-)
-def test_a_form_with_many_numbers_must_gain_more(arm: Scene, way: str, needed: float) -> None:
-    label = f"the goniometer's sensors{way}"
-    term = next(t for t in terms_of(BY_ID["nonlinearity"], arm) if t.branch.label == label)
-    no = np.zeros(0)
-    h, nothing = Hypothesis(Fit((term,), no, no, no), 30.0), Hypothesis(Fit((), no, no, no), 0.0)
-    assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == needed
-    assert asked.first(h, Conclusion(nothing, nothing, [], one_instrument=True), 1.0) < NAME_FIRST_BELOW
-
-
-def test_beside_others_offsets_of_all_sensors_must_gain_as_much_as_alone(arm: Scene) -> None:
-    """Ten numbers take what the form of the first name leaves; one does not."""
-    nothing, base = hypothesis(arm, 0.0), hypothesis(arm, 100.0, "c-offset")
-    found = Conclusion(base, nothing, [base])
-    needed = {}
+def test_a_form_with_many_numbers_must_gain_more(arm: Scene) -> None:
+    """Offsets of ten sensors take what other forms leave; one does not, nor does what a random effect has told."""
+    fitter = Fitter(arm)
+    counts = {}
     for t in terms_of(BY_ID["dark-offset"], arm):
-        both = hypothesis(arm, 160.0, "c-offset", "dark-offset")
-        both.fit.terms = (*base.fit.terms, t)
-        needed[len(t.parameters)] = asked.beside(both, base, found, "dark-offset", False, 1.0)
-    assert needed[10] - needed[1] == 10 * NAME_FIRST_FREE_EACH - NAME_SECOND_BELOW > NAME_FIRST_FREE - NAME_SECOND_BELOW
+        start = np.array([p.centre for p in t.parameters])
+        fit = fitter.fit((t,), start, Hyper(1.0, 1.0, 1.0))
+        fitter.weigh([fit], strides=(4,))
+        counts[len(t.parameters)] = fit.log_evidence - fitter.density(fit, ())(fit.hyper)
+    ten = next(t.parameters for t in terms_of(BY_ID["dark-offset"], arm) if len(t.parameters) == 10)
+    told = (Term(BY_ID["lens-anisotropy"], ANY_PATTERN, ten),)
+    assert counts[10] < counts[1] - 8.0 * EACH_NUMBER
+    assert fitter._bending(told) == 0.0
 
 
 @pytest.mark.parametrize(
