@@ -12,7 +12,7 @@ NAME_FIRST = 8.0
 """A first mechanism must beat "nothing" by this."""
 NAME_FIRST_BELOW = 10.0
 """The same below a skylight, where no simulated lens is quite right. (On 45 skylights of our own and of another author
-where nothing was left out the most was 9, on 36 of five further authors 6, but for what looks like a lens or acts under
+where nothing was left out the most was 9, on 29 of five further authors 6, but for what looks like a lens or acts under
 one sun.)"""
 EVEN = 35.0
 """Of one instrument, a first name that beats "nothing" by this for each thousand readings is as likely wrong as right:
@@ -40,7 +40,7 @@ physics; true ones, but for one of 41, 110 and more.)"""
 FEW_NUMBERS = 2
 NAME_PATTERN = 30.0
 """A lens's pattern that is read off the recordings, where the simulation had none, must gain this, beside others too.
-(Of four other authors' true ones 21 to 110; nulls of seven -6 and less.)"""
+(Of four other authors' true ones 21 to 110; of 15 nulls by six all but one -6 and less.)"""
 NAME_FIRST_RANDOM = 20.0
 """A first random effect must gain this (unless repeated readings show it): it also leans on a simulation's ripple."""
 NAME_FIRST_LENS = 24.0
