@@ -219,7 +219,6 @@ def blurs(fit: Fit, only: str = "") -> bool:
     return any(t.mechanism.blurs(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)
 
 
-def absurd(fit: Fit, only: str = "") -> bool:
-    """Whether a change (of one mechanism ``only``) is one that nothing makes (`Mechanism.absurd`)."""
-    mine = [(t, k) for t, k in fit.placed if only in {"", t.mechanism.id}]
-    return any(t.mechanism.absurd(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in mine)
+def absurd(fit: Fit) -> bool:
+    """Whether a change is one that nothing makes (`Mechanism.absurd`)."""
+    return any(t.mechanism.absurd(fit.theta[k : k + len(t.parameters)], t.branch) for t, k in fit.placed)

@@ -137,13 +137,14 @@ def _grow(search: Search, found: Conclusion) -> None:
     """Add a second and a third mechanism while the evidence carries them.
 
     Of two that act together a third may imitate the sum better than either does alone: so the runners-up are bases too,
-    but no random effect that would not be named first.
+    but no random effect that would not be named first, and nothing that no physics makes.
     """
     nothing = found.nothing.evidence
     least = nothing + min(RUNNER_UP * (found.best.evidence - nothing), found.best.evidence - nothing - 15.0)
     few = asked.share_of_few(search)
     near = [h for h in found.singles[:BASES] if h.ids and h.evidence > least]
     near = [h for h in near if not h.wanders or h.evidence - nothing > asked.first(h, found, few)]
+    near = [h for h in near if not asked.absurd(h.fit)]
     bases = near if found.best in near else [found.best, *near]
     for _ in range(2):
         grown = [g for base in bases if (g := _one_more(search, found, base)) is not None]
@@ -186,7 +187,7 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
     extra = search.allowed(base)
     alone = search.reweighed(base, extra)
     candidates = search.beside(base, extra) + _wandering_beside(search, found, base, extra)
-    candidates = [h for h in candidates if not asked.absurd(h.fit, h.last)]
+    candidates = [h for h in candidates if not asked.absurd(h.fit)]
     if not candidates:
         return None
     seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h, found) and not asked.is_a_moment(h)]

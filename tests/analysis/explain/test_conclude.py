@@ -70,6 +70,19 @@ def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, mo
         assert set(bases) == sought
 
 
+def test_nothing_is_sought_beside_what_no_physics_makes(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A diffuse illuminance that is wrong by three fifths stands for something else, and so do its companions."""
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
+    name, split = hypothesis(arm, 69.0, "dark-offset"), hypothesis(arm, 82.0, "sky-sun-ratio")
+    bases: list[str] = []
+    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: bases.append(base.first))
+    for change, sought in ((0.6, {"dark-offset"}), (0.3, {"dark-offset", "sky-sun-ratio"})):
+        split.fit.theta = np.array([change])
+        bases.clear()
+        _grow(search, Conclusion(name, nothing, [split, name], readings=1280))
+        assert set(bases) == sought
+
+
 @pytest.mark.parametrize(("gain", "share"), [(5.0, 1.0), (60.0, 0.5)])
 def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
     arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, share: float
