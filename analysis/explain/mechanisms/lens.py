@@ -126,7 +126,10 @@ class LensAnisotropy(Retraced):
     leaves_out = "The lens was simulated as isotropic; its pattern of prisms sends light along its own axes."
     parameters = (_WEIGHT,)
     needs = "a variant, or the systems' description"
-    source = "re-simulation; report chapters 6 and 9"
+    source = (
+        "re-simulation; any pattern: sun's part (1 + f(s)), s the shift of its direction cosines, f a random function "
+        "twice, three and four times round; report chapters 6 and 9"
+    )
     tie_breaker = "turn the skylight by 45°"
 
     def why_not(self, scene: Scene) -> str:
