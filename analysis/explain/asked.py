@@ -158,6 +158,16 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
     return times * _second(added, found, new) + left * open_share
 
 
+def mistaken(base: Hypothesis, new: str, evidence: float, found: Conclusion) -> bool:
+    """Whether one of ``base`` is likely what the form of ``new`` leaves, which was added to it.
+
+    It must gain as much over ``new`` alone as if it had been added to that.
+    """
+    alone = max((h.evidence for h in found.singles if h.ids == (new,)), default=-np.inf)
+    left = any(_LEFT_BY.get(t.mechanism.id) == new and not t.branch.of_case for t in base.fit.terms)
+    return left and evidence - alone < NAME_FIRST_FAR
+
+
 def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if found.one_instrument:
         return NAME_SECOND

@@ -206,6 +206,8 @@ def _one_more(search: Search, found: Conclusion, base: Hypothesis) -> tuple[floa
         return None
     if share < found.sure_beside or _no_more_a_cloud(search, best):
         return None
+    if asked.mistaken(base, new, base.evidence + gain, found):
+        return None
     near = max(ALIKE, found.temper(gain))
     tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
     best.tied = base.tied + tuple((new, h.last) for h in tied)

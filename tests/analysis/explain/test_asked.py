@@ -422,3 +422,12 @@ def test_two_names_leave_more_for_a_third_than_one_for_a_second(arm: Scene) -> N
     nothing = hypothesis(arm, 0.0)
     assert asked.misfit(two, nothing) == pytest.approx(MISFIT_OF_TWO * 5000.0)
     assert asked.misfit(one, nothing) < asked.misfit(two, nothing)
+
+
+def test_what_a_clock_leaves_is_no_azimuth_whichever_came_first(arm: Scene) -> None:
+    """Another author's clock was told with one of 36 nats over it alone, found with the azimuth as the base."""
+    clock, turned = hypothesis(arm, 137.0, "clock-offset"), hypothesis(arm, 75.0, "c-offset")
+    found = Conclusion(clock, hypothesis(arm, 0.0), [clock, turned])
+    assert asked.mistaken(turned, "clock-offset", 173.0, found)
+    assert not asked.mistaken(turned, "clock-offset", 137.0 + NAME_FIRST_FAR, found)
+    assert not asked.mistaken(hypothesis(arm, 75.0, "dark-offset"), "clock-offset", 173.0, found)
