@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cases.model import Floats
-from analysis.explain.densities import even, fourfold, seen_by
+from analysis.explain.densities import even, fourfold, is_oval, seen_by
 from analysis.simulate.components import Lens
-from analysis.simulate.lens_shift import SIDE
+from analysis.simulate.lens_shift import SIDE, cells
 from tests.analysis.explain.test_shift_lens import SKEWED
 
 
@@ -41,3 +41,15 @@ def test_a_lens_whose_pattern_is_turned_at_random_has_its_mean() -> None:
     turned = Lens(kind="shift", shifts=SKEWED.shifts, isotropic=True)
     assert seen_by(SKEWED) == SKEWED.shifts
     assert square(seen_by(turned)) == pytest.approx(even(SKEWED.shifts))
+
+
+@pytest.mark.parametrize(("wide", "long", "turn_deg", "oval"), [(0.3, 0.3, 0.0, False), (0.25, 0.4, 20.0, True)])
+def test_a_lens_that_is_stretched_already_is_oval_however_it_lies(
+    wide: float, long: float, turn_deg: float, oval: bool
+) -> None:
+    x, y = np.meshgrid(cells(), cells(), indexing="ij")
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    shifts = np.exp(-0.5 * (((c * x + s * y) / long) ** 2 + ((c * y - s * x) / wide) ** 2))
+    assert is_oval(Lens(kind="shift", shifts=tuple(shifts.ravel().tolist()))) is oval
+    round_ring = fourfold(tuple(shifts.ravel().tolist()))  # four sides are no oval
+    assert not is_oval(Lens(kind="shift", shifts=round_ring))
