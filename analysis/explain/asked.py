@@ -19,7 +19,6 @@ from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     FAR_AHEAD,
-    FEW_NUMBERS,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LACKED,
@@ -83,7 +82,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     """
     lens = h.fit.hyper.lens
     never_wrong = {ChannelGain.id, *found.lacked, *found.shown}
-    bends = any(len(t.parameters) > FEW_NUMBERS for t in h.fit.terms)  # its evidence is less already
+    bends = h.fit.bending > 0.0  # its evidence is less already
     far_wrong = not found.one_instrument and lens > WRONG_LENS and not (bends or set(h.ids) <= never_wrong)
     return max(_first(h, found, few), FIRST_BY_LENS * lens if far_wrong and not far_ahead(h, found) else 0.0)
 

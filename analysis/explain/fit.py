@@ -75,6 +75,8 @@ class Fit:
         Natural log of the probability of the readings, up to a constant of the case.
     hyper
         The grid point that carries most of the evidence.
+    bending
+        What its evidence counts for less for the many parameters of its forms [nats].
     spread : shape (P, P)
         Variance between ways of the same mechanism that the readings do not decide; ``None`` without them.
     """
@@ -88,6 +90,7 @@ class Fit:
     log_evidence: float = -np.inf
     hyper: Hyper = MIDDLE
     spread: Floats | None = None
+    bending: float = 0.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -265,12 +268,13 @@ class Fitter:
         """Set evidence, covariance and best sizes of fits; the search for those begins at ``start`` (or the fit's)."""
         for f in fits:
             f.hyper, f.log_evidence = self.lattice.climb(self.density(f, extra), start or f.hyper, strides)
-            f.log_evidence -= self._bending(f.terms)
+            f.bending = self._bending(f.terms)
+            f.log_evidence -= f.bending
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
 
     def _bending(self, terms: tuple[Term, ...]) -> float:
         """What forms with many parameters count for less [nats]: they bend to a simulation's ripple."""
-        free = (t for t in terms if len(t.parameters) > FEW_NUMBERS and not t.branch.of_random)
+        free = (t for t in terms if t.mechanism.bends and len(t.parameters) > FEW_NUMBERS)
         return EACH_NUMBER * sum(len(t.parameters) for t in free) if np.any(self.scene.is_gonio) else 0.0
 
     def density(self, fit: Fit, extra: tuple[Extra, ...]) -> Callable[[Hyper], float]:

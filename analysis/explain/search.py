@@ -27,7 +27,7 @@ from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.states import terms_of
-from analysis.explain.thresholds import STANDS_IN, TEMPER_ONE
+from analysis.explain.thresholds import BENDS_AMONG_WAYS, STANDS_IN, TEMPER_ONE
 from analysis.explain.wander import Wander, likeliest
 
 X = TypeVar("X")
@@ -200,8 +200,11 @@ class Search:
 
     @staticmethod
     def _joined(ways: list[Fit], count: int) -> Hypothesis:
-        """Average a mechanism's ways (those not fitted count as hopeless)."""
-        best = max(ways, key=lambda f: f.log_evidence)
+        """Average a mechanism's ways (those not fitted count as hopeless).
+
+        Among them what bends to ripple counts for less by a part only: whichever acts, it is the same name.
+        """
+        best = max(ways, key=lambda f: f.log_evidence + (1.0 - BENDS_AMONG_WAYS) * f.bending)
         logs = np.array([f.log_evidence for f in ways])
         return Hypothesis(best, float(np.logaddexp.reduce(logs) - np.log(count)), ways=ways)
 

@@ -38,6 +38,8 @@ bends to ripple. (On another author's skylights a response that changes graduall
 nothing was left out; on further authors', offsets of ten sensors 64 there, and 32, 40, 53, 70, 74 and 87 for other
 physics; true ones, but for one of 41, 110 and more.)"""
 FEW_NUMBERS = 2
+BENDS_AMONG_WAYS = 1.0 / 3.0
+"""Share of that by which it counts for less beside other ways of the same mechanism."""
 NAME_PATTERN = 30.0
 """A lens's pattern that is read off the recordings, where the simulation had none, must gain this, beside others too.
 (Of four other authors' true ones 21 to 110; of 15 nulls by six all but one -6 and less.)"""

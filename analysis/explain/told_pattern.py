@@ -29,6 +29,6 @@ def with_its_pattern(search: Search, h: Hypothesis) -> Hypothesis:
     extra = (*search.forms_wrong(h.fit), *(x.extra(search.scene) for x in others))
     start = [*h.fit.theta, *(0.0 for _ in term.parameters)]
     fit = search.fitter.fit((*h.fit.terms, term), np.array(start), h.fit.hyper, extra)
-    fit.log_evidence = h.fit.log_evidence
+    fit.log_evidence, fit.bending = h.fit.log_evidence, h.fit.bending
     fit.covariance = posterior_covariance(search.fitter.whitener(fit.hyper, extra), fit)
     return replace(h, fit=fit, wanders=others)

@@ -63,7 +63,8 @@ def decide(found: Conclusion, few: float) -> None:
     """Set the verdict, probabilities, and what cannot be told apart."""
     told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed
     left = max((u.gain for u in told), default=0.0)
-    gain = found.best.evidence - found.nothing.evidence
+    told_by_fit = found.best.fit.log_evidence + found.best.fit.bending
+    gain = max(found.best.evidence, told_by_fit) - found.nothing.evidence
     rough = _rougher(found, ROUGH_ONE if found.one_instrument else ROUGH if found.best.ids else ROUGH_ALONE)
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     beaten = found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0)))

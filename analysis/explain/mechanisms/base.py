@@ -111,7 +111,8 @@ class Mechanism:
     which every lens is), ``modelled_twice`` (its ways are models of one and the same thing), ``fitted_ways`` (so
     many of its ways are fitted after a first look at all), ``in_one_test`` (on a roof it may act in a single test),
     ``in_time`` (it is a function of time, or of the order of the readings), ``other_light`` (readings are of other
-    light than that which was predicted for them: from elsewhere, or such as the prediction lacks).
+    light than that which was predicted for them: from elsewhere, or such as the prediction lacks), ``bends`` (its forms
+    of many parameters take what a simulation has wrong).
     """
 
     id: ClassVar[str]
@@ -131,6 +132,7 @@ class Mechanism:
     fitted_ways: ClassVar[int] = 3
     in_one_test: ClassVar[bool] = False
     in_time: ClassVar[bool] = False
+    bends: ClassVar[bool] = False
 
     def why_not(self, scene: Scene) -> str:
         """Why this case cannot be tried for the mechanism; empty when it can."""

@@ -63,6 +63,7 @@ class DarkOffset(Mechanism):
 
     id = "dark-offset"
     stage = Stage.SENSORS
+    bends = True
     leaves_out = "The sensors read something in the dark."
     parameters = (Parameter("offset", "the channel's unit", "reading in the dark", -1e6, 1e6, 1.0, (-1.0, 1.0)),)
     source = "y + o; y_i + o_i for each sensor i"
@@ -134,6 +135,7 @@ class Nonlinearity(Mechanism):
 
     id = "nonlinearity"
     stage = Stage.SENSORS
+    bends = True
     leaves_out = "The response is not proportional to the light."
     parameters = (Parameter("p", "1", "p in y^(1+p)", -0.5, 0.5, 0.05, (-0.04, 0.04)),)
     response = replace(parameters[0], sigma=0.1)  # of a camera's curve, or of a roof meter

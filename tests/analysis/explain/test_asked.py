@@ -55,7 +55,7 @@ from tests.analysis.explain.weighed import decided, hypothesis, on_another_lens
 
 
 def test_a_form_with_many_numbers_must_gain_more(arm: Scene) -> None:
-    """Offsets of ten sensors take what other forms leave; one does not, nor does what a random effect has told."""
+    """Offsets of ten sensors take what other forms leave; one does not, nor do laws of the arm that have as many."""
     fitter = Fitter(arm)
     counts = {}
     for t in terms_of(BY_ID["dark-offset"], arm):
@@ -64,9 +64,9 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene) -> None:
         fitter.weigh([fit], strides=(4,))
         counts[len(t.parameters)] = fit.log_evidence - fitter.density(fit, ())(fit.hyper)
     ten = next(t.parameters for t in terms_of(BY_ID["dark-offset"], arm) if len(t.parameters) == 10)
-    told = (Term(BY_ID["lens-anisotropy"], ANY_PATTERN, ten),)
     assert counts[10] < counts[1] - 8.0 * EACH_NUMBER
-    assert fitter._bending(told) == 0.0
+    assert fitter._bending((Term(BY_ID["lens-anisotropy"], ANY_PATTERN, ten),)) == 0.0
+    assert fitter._bending((Term(BY_ID["dark-offset"], Branch(), ten),)) == 10 * EACH_NUMBER
 
 
 @pytest.mark.parametrize(
