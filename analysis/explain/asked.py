@@ -112,7 +112,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_LENS
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS
-    if h.wanders and h.wanders[-1].wander is PATTERN:
+    if _patterned(h):
         return NAME_PATTERN
     if h.wanders:
         usual = NAME_FIRST_CLOUD if h.wanders[-1].wander is CLOUD else few * NAME_FIRST_RANDOM
@@ -144,7 +144,7 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return times * NAME_FIRST_FAR + left
     if any(_stretches(t) for t in added):
         return times * NAME_STRETCHED + left
-    if new == PATTERN.name and best.wanders and best.wanders[-1].wander is PATTERN:
+    if new == PATTERN.name and _patterned(best):
         return times * NAME_PATTERN + left
     if random and found.pictures:
         return times * NAME_SECOND_EXPOSURES + (0.0 if set(base.ids) <= _NO_LAWS_OF_LEVEL else held)
@@ -204,12 +204,16 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    patterned = any(x.wander is PATTERN for x in h.wanders)
-    if patterned or any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
+    if _patterned(h) or any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
     return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
+
+
+def _patterned(h: Hypothesis) -> bool:
+    """Whether a lens's pattern is read off the recordings."""
+    return any(x.wander is PATTERN for x in h.wanders)
 
 
 def _stretches(term: Term) -> bool:

@@ -117,7 +117,7 @@ def _wandering_beside(
     search: Search, found: Conclusion, base: Hypothesis, extra: tuple[Extra, ...]
 ) -> list[Hypothesis]:
     """``base`` with each of the catalogue's random effects that repeated readings do not contradict."""
-    tried = {m.id for m in search.mechanisms if m.random or m.id == PATTERN.name} - set(base.ids)
+    tried = {m.id for m in search.mechanisms} - set(base.ids)
     kept = []
     for h in search.each_wandering(base, named_wanders(search.scene, tried), extra):
         wander = h.wanders[-1].wander

@@ -2,8 +2,11 @@
 
 A lens that was simulated without a pattern spreads the sun's light about its way alike to all sides. A real one does
 not, and where its prisms send more and where less no drawing tells. But whatever it is, it hangs on the shift of the
-direction cosines alone, and so goes with the sun: what is seen under one sun tells of the others.
+direction cosines alone, and so goes with the sun: what is seen under one sun tells of the others. (To direction cosines
+a thin periodic sheet adds: Born and Wolf, Principles of Optics, on gratings. The random function is our own.)
 """
+
+from functools import cache
 
 import numpy as np
 
@@ -24,7 +27,10 @@ WAYS = tuple(f"{n} {way} {ring:.1f}" for ring in RINGS for n in HARMONICS for wa
 NO_CONTRAST = 0.14
 """Predictions with less have no pattern. (Of four other authors' that have none .076 to .103, of six others' that have
 one .175 to .66; of one whose lens is round but for a little .088.)"""
-_SUNLIT, _DARK, _ENOUGH, _FINE = 0.15, 0.02, 60, 0.12
+_SUNLIT, _DARK, _ENOUGH = 0.15, 0.02, 60
+"""Rows that tell have such a share of sunlight, and of the brightest; and so many are enough."""
+_FINE = 0.12
+"""Width of the rings of an even lens [direction cosines]."""
 
 
 def effects(scene: Scene, _: float = RING) -> Floats:
@@ -53,6 +59,15 @@ def basis(way_out: Floats, to_the_sun: Floats) -> Floats:
     turns = {(n, name): f(n * side) for n in HARMONICS for name, f in (("cos", np.cos), ("sin", np.sin))}
     found = [ring * turns[n, way] for ring in rings for n in HARMONICS for way in ("cos", "sin")]
     return np.asarray(np.nan_to_num(np.stack(found) / np.sqrt(len(HARMONICS))))
+
+
+@cache
+def products() -> Floats:
+    """Mean products (K, K) of the unit effects over shifts up to one, evenly over that disc."""
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 61), np.linspace(-1.0, 1.0, 61))
+    inside = np.stack([x, y], axis=-1)[np.hypot(x, y) <= 1.0]
+    made = basis(inside, np.zeros(2))
+    return made @ made.T / len(inside)
 
 
 def without_pattern(scene: Scene) -> dict[str, int]:

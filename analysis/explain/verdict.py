@@ -63,6 +63,7 @@ def decide(found: Conclusion, few: float) -> None:
     """Set the verdict, probabilities, and what cannot be told apart."""
     told = found.rivals_of_names(found.unnamed) if found.best.ids else found.unnamed
     left = max((u.gain for u in told), default=0.0)
+    # what bends to ripple counts for less beside other names; what may be left grows with all that it explains
     told_by_fit = found.best.fit.log_evidence + found.best.fit.bending
     gain = max(found.best.evidence, told_by_fit) - found.nothing.evidence
     rough = _rougher(found, ROUGH_ONE if found.one_instrument else ROUGH if found.best.ids else ROUGH_ALONE)

@@ -162,11 +162,13 @@ class LensAnisotropy(Retraced):
         light.sun = light.sun * np.maximum(1.0 + change, 0.0)
 
     def report(self, p: Floats, sd: Floats, term: Term) -> Reported:
-        """Of any pattern its contrast alone: sixty numbers tell nobody anything."""
+        """Of any pattern its contrast alone, the rms relative change of the sun's light over shifts up to one."""
         if not term.branch.of_random:
             return super().report(p, sd, term)
-        size = float(np.sqrt(np.sum(p**2) / max(len(p) / len(WAYS), 1.0)))
-        spread = float(np.sqrt(np.sum((p * sd) ** 2)) / max(size, 1e-9)) if size else 0.0
+        each = p.reshape(-1, len(WAYS))  # of each system
+        slope = each @ shift_pattern.products() / len(each)
+        size = float(np.sqrt(np.sum(each * slope)))
+        spread = float(np.linalg.norm(slope * sd.reshape(each.shape))) / max(size, 1e-9)
         return {"contrast": told(size, spread, "1")}
 
     def statement(self, p: Floats, branch: Branch) -> str:

@@ -53,9 +53,11 @@ def test_a_range_whose_end_is_not_seen_is_a_response_that_flattens(arm: Scene) -
     for way, alike in (("exponential", True), ("clipped", False)):
         curve, end = hypothesis(arm, 299.0, "nonlinearity"), hypothesis(arm, 300.0, "saturation")
         curve.fit.terms, curve.fit.theta = (bent,), np.array([-0.1])
-        curve.fit.residual = end.fit.residual + 0.01 * np.arange(len(end.fit.residual))  # not the same by far
+        curve.fit.residual, end.fit.residual = np.sin(np.arange(50.0)), np.cos(np.arange(50.0))  # unlike by far
         end.fit.terms = (next(t for t in terms_of(BY_ID["saturation"], arm) if t.branch.label.endswith(way)),)
-        found = Conclusion(end, hypothesis(arm, 0.0), [end, curve])
+        nothing = hypothesis(arm, 0.0)
+        nothing.fit.residual = np.ones(50)
+        found = Conclusion(end, nothing, [end, curve])
         assert (found.doubles("saturation") == ("nonlinearity",)) is alike
         decide(found, 1.0)
         assert ("saturation" in found.either) is alike
