@@ -51,7 +51,7 @@ class Usual:
 
 
 USUAL: Final = {
-    GONIOMETER: Usual(0.018, 0.011, 0.005, GAIN_OF_TESTS, 0.04),
+    GONIOMETER: Usual(0.018, 0.016, 0.005, GAIN_OF_TESTS, 0.04),
     ROOF: Usual(0.003, 0.002, 0.003, 0.002, 0.0, wander=0.003),
     SKY: Usual(0.0, 0.012, 0.005, 0.012, 0.0, 0.010),  # what tests have in common: see sky_error
 }

@@ -62,7 +62,7 @@ def test_only_an_arm_that_is_centimetres_off_is_told(off_m: float, told: bool, t
 
 
 def test_what_is_usual_takes_from_what_a_shift_gains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Scene(Readings.of(make_case(tmp_path / "case", _hung(0.02, -0.02, 0.0), tests=TESTS[::2])))
+    scene = Scene(Readings.of(make_case(tmp_path / "case", _hung(0.03, -0.03, 0.0), tests=TESTS[::2])))
     gains = []
     for usual_m in (1e-6, USUAL_M):
         monkeypatch.setattr(arm_error, "USUAL_M", usual_m)

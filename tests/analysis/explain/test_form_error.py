@@ -78,8 +78,7 @@ def test_a_lens_errs_where_it_was_seen(arm: Scene, mechanism: str, way: str) -> 
     assert there != list(range(len(there)))
     (extra,) = [e for e in form_error(arm, (turned,), theta) if e.of_lens]
     here = np.stack(list(lens_error_of_systems(arm).values()), axis=1)
-    of_system = 0.85  # of an error's usual size, all of which is allowed for there
-    assert of_system * extra.columns == pytest.approx(here[there], abs=0.05 * float(np.abs(here).max()))
+    assert extra.columns == pytest.approx(here[there], abs=0.05 * float(np.abs(here).max()))
     assert (extra.size(Hyper(1.0, 1.0, 2.0)), extra.size(MIDDLE)) == (2.0, 1.0)
 
 
@@ -104,7 +103,7 @@ def test_a_form_that_is_locally_wrong_is_believed_and_keeps_its_size(arm: Scene,
     fitter.weigh([plain])
     found = Search(fitter, (), ())._allowing_for_form(plain)
     assert found.log_evidence > plain.log_evidence + 200.0
-    assert found.hyper.scatter < 0.6 * plain.hyper.scatter
+    assert found.hyper.scatter < 0.7 * plain.hyper.scatter
     assert found.theta[0] == pytest.approx(6.0, abs=0.5)
 
 
