@@ -206,6 +206,16 @@ def dirt(loss: float) -> Truth:
     return truth
 
 
+def dirt_below(loss: float) -> Truth:
+    """The same dirt on the face towards the room: Beer's law along each way out, to nearly grazing."""
+
+    def truth(rows: Rows) -> Floats:
+        down = np.maximum(np.cos(np.radians(rows.gamma_deg)), 0.1)
+        return dirt(loss)(rows) * (1.0 - loss) ** (1.0 / down)
+
+    return truth
+
+
 def scattering_dirt(loss: float, share: float) -> Truth:
     """What dirt takes of beam and sky (see `dirt`) comes in as sky light again, a share of it."""
 

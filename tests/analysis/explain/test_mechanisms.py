@@ -96,6 +96,8 @@ ON_THE_ARM = [
     ("soiling", "tube", (0.12,), effects.only("tube", effects.dirt(0.12)), 0.002),
     ("soiling", "every system, scattering", (0.12, 0.5), effects.scattering_dirt(0.12, 0.5), 0.003),
     ("soiling", "box, scattering", (0.2, 0.3), effects.only("box", effects.scattering_dirt(0.2, 0.3)), 0.003),
+    ("soiling", "every system, both faces", (0.03,), effects.dirt_below(0.03), 0.01),
+    ("soiling", "tube, both faces", (0.03,), effects.only("tube", effects.dirt_below(0.03)), 0.01),
     ("soiling", "box, domed", (0.12,), effects.only("box", effects.domed(0.12)), 1e-6),
     ("circumsolar-aureole", "images spread", (0.4, 6.5), effects.aureole(0.4, 6.5), 0.04),
     ("stray-light", "constant", (4.0,), effects.offset(4.0 * 2.6**2), 1e-6),

@@ -53,7 +53,7 @@ WORLDS = {
     "gamma": World(effects.gamma_offset(1.5), "gamma-offset", "offset_deg", 1.5, allowed=0.12),
     "c": World(effects.c_offset(6.0), "c-offset", "offset_deg", 6.0),
     "dark": World(effects.offset(25.0), "dark-offset", "offset", 25.0),
-    "darks": World(effects.offsets(effects.OFFSETS), "dark-offset", "offset_gonio.g45", 35.0, allowed=4.0),
+    "darks": World(effects.offsets(effects.OFFSETS), "dark-offset", "offset_gonio.g45", 35.0, allowed=5.0),
     "split": World(effects.beam(0.4), "sky-sun-ratio", "beam_change", 0.4),
     "gain": World(effects.gain(45.0, 0.10), "channel-gain", "error", 0.10, falls=0.8),
     "power": World(effects.power(0.05), "nonlinearity", "exponent", 1.05),

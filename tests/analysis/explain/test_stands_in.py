@@ -32,6 +32,13 @@ def test_what_lets_most_of_what_it_takes_go_on_is_no_dirt(arm: Scene) -> None:
     assert {p.high for t in ways for p in t.parameters if p.name == "scattered_on"} == {0.6}
 
 
+@pytest.mark.parametrize(("loss", "seen"), [(0.3, False), (0.7, True)])
+def test_nobody_overlooks_dirt_that_takes_most(arm: Scene, loss: float, seen: bool) -> None:
+    for t in terms_of(BY_ID["soiling"], arm):
+        p = np.array([loss, *[0.5] * (len(t.parameters) - 1)])
+        assert t.mechanism.absurd(p, t.branch) == seen
+
+
 def test_a_share_of_what_it_gains_counts_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of dirt that scatters two thirds of its evidence are left, as a first name and beside others."""
     scene = Scene(Readings.of(make_case(tmp_path, effects.scattering_dirt(0.2, 0.5), tests=TESTS[::2])))
