@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import solid_angle
+from analysis.explain.leaving import duller_walls, scattering_walls
 from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import Retraced
 from analysis.explain.parameter import Parameter
@@ -30,6 +31,10 @@ class WallReflectance(Retraced):
     needs = "a variant, or the systems' description"
     source = "sum over bounces R^n S_n; Swift and Smith 1995, Sol. Energy Mater. Sol. Cells 36"
     tie_breaker = "a reflectance measurement of the wall at grazing incidence, or a test with the sun low in the tube"
+
+    def branches(self, scene: Scene) -> tuple[Branch, ...]:
+        """As simulated again, and by the way that light leaves the well."""
+        return (*super().branches(scene), *(Branch(path.label, path) for path in duller_walls(scene)))
 
 
 class BounceTruncation(Retraced):
@@ -106,12 +111,14 @@ class WallScatter(Retraced):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """As simulated again; of diffuse shares also the mean of that and of light that goes on as the sky's does.
 
-        Each errs in its own way, one by our lens, the other by its simplicity: another lens is nearer to their mean.
+        And by the way that light leaves the well. Each errs in its own way, one by our lens, the other by its
+        simplicity: another lens is nearer to their mean.
         """
         ways = super().branches(scene)
         traced = [b.value for b in ways if b.value.parameter.name == self.parameters[0].name and not b.value.of_case]
         halves = (_halfway_to_sky(scene, path) for path in traced) if scene.knows_split else ()
-        return (*ways, *(Branch(path.label, path, stands_in=True) for path in halves))
+        leaving = (Branch(path.label, path) for path in scattering_walls(scene))
+        return (*ways, *(Branch(path.label, path, stands_in=True) for path in halves), *leaving)
 
 
 def _halfway_to_sky(scene: Scene, path: Path) -> Path:
