@@ -108,7 +108,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_FAR
     if any(_stretches(t) for t in h.fit.terms):
         return NAME_STRETCHED
-    if any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
+    if any(t.mechanism.stage in doubtful or t.tests is not None or t.branch.outermost for t in h.fit.terms):
         return NAME_FIRST_LENS
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS

@@ -65,6 +65,8 @@ class Branch:
         Whether it was simulated on a lens that is hardly unlike the prediction's, in another form than a path.
     sort
         What kind of way it is: the best of each kind is fitted again with what its form has wrong.
+    outermost
+        Whether it is about the first or the last sensor of an arm: beyond it nothing is read.
     of_random
         Whether it holds what a random effect has told, and is not looked for by itself.
     """
@@ -77,6 +79,7 @@ class Branch:
     stands_in: bool = False
     like: bool = False
     sort: str = ""
+    outermost: bool = False
     of_random: bool = False
 
     @property

@@ -47,7 +47,10 @@ class ChannelGain(Mechanism):
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
         """Each sensor of the goniometer, each camera and luminance meter."""
         r = scene.readings
-        return tuple(Branch(r.case.channels[k].id, int(k)) for k in np.unique(r.channel[scene.is_gonio | scene.is_sky]))
+        gamma = np.where(scene.is_gonio, r.gamma_deg, np.nan)
+        ends = set(r.channel[(gamma == np.nanmin(gamma)) | (gamma == np.nanmax(gamma))]) if scene.is_gonio.any() else ()
+        sensors = np.unique(r.channel[scene.is_gonio | scene.is_sky])
+        return tuple(Branch(r.case.channels[k].id, int(k), outermost=k in ends) for k in sensors)
 
     def why_not(self, scene: Scene) -> str:
         """With one sensor on the arm its gain is the gain of every test; a lone camera's is no test's."""

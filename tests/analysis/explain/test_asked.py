@@ -76,11 +76,25 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     h, nothing = hypothesis(arm, 30.0, "dark-offset"), hypothesis(arm, 0.0)
     h.fit.hyper = Hyper(1.0, 1.0, lens)
     assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(least)
-    one_sensor = hypothesis(arm, 30.0, "channel-gain")
-    one_sensor.fit.hyper = h.fit.hyper
-    assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == NAME_FIRST_BELOW
+    for one_sensor, least_of_it in ((_sensor(arm, 0), NAME_FIRST_LENS), (_sensor(arm, 4), NAME_FIRST_BELOW)):
+        one_sensor.fit.hyper = h.fit.hyper
+        assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == least_of_it
     alone = Conclusion(nothing, nothing, [], one_instrument=True)
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
+
+
+def test_beyond_an_arms_first_and_last_sensor_nothing_is_read(arm: Scene, picture: Scene) -> None:
+    """A lens may be wrong there and seem to end between two sensors; a camera has no such ends."""
+    ends = [t.branch.outermost for t in terms_of(BY_ID["channel-gain"], arm)]
+    assert ends == [True, *[False] * 8, True]
+    assert not any(t.branch.outermost for t in terms_of(BY_ID["channel-gain"], picture))
+
+
+def _sensor(arm: Scene, k: int) -> Hypothesis:
+    """The gain of an arm's k-th sensor, from nadir on."""
+    h = hypothesis(arm, 30.0, "channel-gain")
+    h.fit.terms = (terms_of(BY_ID["channel-gain"], arm)[k],)
+    return h
 
 
 @pytest.mark.parametrize("name", ["clock-offset", "sky-sun-ratio"])
