@@ -3,6 +3,7 @@
 What looks like a simulation's own errors is asked for more than what does not.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -108,7 +109,7 @@ def _first(h: Hypothesis, found: Conclusion, few: float) -> float:
         return NAME_FIRST_FAR
     if any(_stretches(t) for t in h.fit.terms):
         return NAME_STRETCHED
-    if any(t.mechanism.stage in doubtful or t.tests is not None or t.branch.outermost for t in h.fit.terms):
+    if _outermost(h.fit.terms) or any(t.mechanism.stage in doubtful or t.tests is not None for t in h.fit.terms):
         return NAME_FIRST_LENS
     if any(t.mechanism.like_a_lens for t in h.fit.terms):
         return NAME_FIRST_BELOW if h.fit.hyper.lens < RIGHT_LENS else NAME_FIRST_LENS
@@ -154,6 +155,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return times * NAME_SECOND_RANDOM + left
     if any(t.mechanism.like_a_lens and not t.branch.of_case for t in added):
         return times * NAME_SECOND_LENS + left
+    if new == ChannelGain.id and len(base.ids) == 1 and not found.one_instrument and not _outermost(added):
+        return NAME_SECOND_ONE
     return times * _second(added, found, new) + left * open_share
 
 
@@ -170,7 +173,7 @@ def mistaken(base: Hypothesis, new: str, evidence: float, found: Conclusion) -> 
 def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if found.one_instrument:
         return NAME_SECOND
-    if any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
+    if _outermost(added) or any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
 
@@ -209,6 +212,11 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
     return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
+
+
+def _outermost(terms: Iterable[Term]) -> bool:
+    """Whether one is about an arm's first or last sensor."""
+    return any(t.branch.outermost for t in terms)
 
 
 def _patterned(h: Hypothesis) -> bool:

@@ -111,7 +111,9 @@ five other authors' singles what could be added gained at most 6 nats, but for w
 of 46 beside a clock, and a bent response of 13 and 36 nats. Asked for 12, as one run was, no pair more was whole.)"""
 NAME_SECOND_ONE = 9.0
 """The same of a single sensor: what a lens has wrong does not end beside it. (Four of others' that were true gained
-14, 12, 11 and 7; nothing false was seen.)"""
+14, 12, 11 and 7; nothing false was seen. Beside one other name it is asked for no more, whatever that one's form
+leaves: of eleven further authors' gains with more than this beside one name, likelier than all else, all between an
+arm's ends were true, from 10 to 86 nats, or beside physics that has no name.)"""
 NAME_SECOND_LENS = 24.0
 """The same for what looks like a lens simulated a little wrong, and, as with a first name, for what acts alike on all
 readings under one sun. (A wrong split of sun and sky gained 18 beside an offset, for a limit of bounces.)"""

@@ -358,13 +358,30 @@ def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brin
 
 def test_a_single_sensor_beside_another_name_is_asked_less_and_what_follows_the_sun_more(arm: Scene) -> None:
     """What a lens has wrong does not end beside a sensor, and depends on where the sun stands."""
-    first, asked_for = hypothesis(arm, 100.0, "c-offset"), []
-    for new in ("channel-gain", "cosine-response", "sky-sun-ratio"):
+    first = hypothesis(arm, 100.0, "c-offset")
+    found = Conclusion(first, hypothesis(arm, 0.0), [first])
+    left, asked_for = asked.misfit(first, found.nothing), []
+    for new in ("cosine-response", "sky-sun-ratio"):
         both = hypothesis(arm, 120.0, "c-offset", new)
-        found = Conclusion(first, hypothesis(arm, 0.0), [first])
-        asked_for.append(asked.beside(both, first, found, new, random=False) - asked.misfit(first, found.nothing))
-    assert asked_for == [NAME_SECOND_ONE, NAME_SECOND_BELOW, NAME_SECOND_LENS]
+        asked_for.append(asked.beside(both, first, found, new, random=False) - left)
+    assert asked_for == [NAME_SECOND_BELOW, NAME_SECOND_LENS]
+    of_arm = (asked.beside(_with_sensor(arm, k, first), first, found, "channel-gain", random=False) for k in (0, 4, 9))
+    assert list(of_arm) == [NAME_SECOND_LENS + left, NAME_SECOND_ONE, NAME_SECOND_LENS + left]
     assert NAME_SECOND_ONE < NAME_SECOND_BELOW < NAME_SECOND_LENS
+
+
+def test_a_single_sensor_as_a_third_name_is_asked_for_what_the_others_leave(arm: Scene) -> None:
+    two = hypothesis(arm, 300.0, "c-offset", "lens-haze")
+    found = Conclusion(two, hypothesis(arm, 0.0), [two])
+    asked_for = asked.beside(_with_sensor(arm, 4, two), two, found, "channel-gain", random=False)
+    assert asked_for == THIRD * NAME_SECOND_ONE + asked.misfit(two, found.nothing)
+
+
+def _with_sensor(arm: Scene, k: int, base: Hypothesis) -> Hypothesis:
+    """What is there already, and the gain of an arm's k-th sensor."""
+    both = hypothesis(arm, base.evidence + 20.0, *base.ids, "channel-gain")
+    both.fit.terms = (*both.fit.terms[:-1], terms_of(BY_ID["channel-gain"], arm)[k])
+    return both
 
 
 @pytest.mark.parametrize(("new", "all_of_it"), [("cosine-response", False), ("lens-orientation", True)])
