@@ -227,7 +227,7 @@ def test_a_pattern_that_was_not_known_does_not_lie_wrongly(arm: Scene, first: st
         assert (asked.beside(both, before, found, new, random=False) == NEVER) == never
 
 
-@pytest.mark.parametrize(("lens", "least"), [(0.5, NAME_FIRST_BELOW), (1.0, NAME_FIRST_LENS)])
+@pytest.mark.parametrize(("lens", "least"), [(0.3, NAME_FIRST_BELOW), (0.6, NAME_FIRST_LENS)])
 def test_what_looks_like_a_lens_is_asked_less_where_the_simulated_lens_is_right(
     arm: Scene, lens: float, least: float
 ) -> None:
