@@ -40,6 +40,8 @@ def conclude(search: Search) -> Conclusion:
     found.pictures = bool(np.all(search.scene.is_sky))
     if found.one_instrument and np.any(search.scene.is_roof):
         found.level = float(np.median(nothing.fit.residual[search.scene.is_roof]))
+    if not found.one_instrument:
+        found.taken_by_lens = search.fitter.taken_by_lens(nothing.fit)
     found.nat = TEMPER_ONE if found.one_instrument else TEMPER
     if not np.any(search.scene.is_roof):  # such meters act on an arm by the split of sun and sky alone
         found.unseen = frozenset(m.id for m in search.mechanisms if m.stage is Stage.ROOF_METERS)

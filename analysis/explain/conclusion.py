@@ -79,6 +79,8 @@ class Conclusion:
     level
         What the middle reading of a roof meter has more or less than its prediction, stretched; other instruments'
         tests have gains of their own.
+    taken_by_lens
+        By how much (rms, relative) the usual errors of lenses seem to change an arm's readings, where nothing is named.
     nat
         So many nats, times the root of what is gained, count as one.
     unseen
@@ -106,6 +108,7 @@ class Conclusion:
     one_instrument: bool = False
     pictures: bool = False
     level: float = 0.0
+    taken_by_lens: float = 0.0
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()
     lacked: frozenset[str] = frozenset()

@@ -272,6 +272,11 @@ class Fitter:
             f.log_evidence -= f.bending
             f.covariance = posterior_covariance(self.whitener(f.hyper, extra), f)
 
+    def taken_by_lens(self, fit: Fit) -> float:
+        """By how much (rms, relative) what a fit leaves seems to be the lens's usual errors."""
+        weights = self.whitener(fit.hyper).weights(fit.residual)
+        return float(np.std(self.nuisance.of_lens(weights, fit.hyper)[self.scene.is_gonio]))
+
     def _bending(self, terms: tuple[Term, ...]) -> float:
         """What forms with many parameters count for less [nats]: they bend to a simulation's ripple."""
         free = (t for t in terms if t.mechanism.bends and len(t.parameters) > FEW_NUMBERS)

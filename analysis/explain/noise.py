@@ -185,6 +185,10 @@ class Nuisance:
         c[np.diag_indices_from(c)] += noise + hyper.scatter**2 * scatter + 1e-8
         return np.asarray(c)
 
+    def of_lens(self, weights: Floats, hyper: Hyper) -> Floats:
+        """What the lens seems to have wrong in each reading (N,), given the covariance's inverse times a residual."""
+        return np.asarray(hyper.lens**2 * self._lens_error @ (self._lens_error.T @ weights))
+
     def factored(self, hyper: Hyper) -> Factored:
         """Factor the blocks for some sizes, and solve the nuisance effects by them; `Hyper.lens` does not matter."""
         factors = [np.asarray(np.linalg.cholesky(self.matrix(b, hyper))) for b in self.blocks]

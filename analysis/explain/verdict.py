@@ -23,6 +23,7 @@ from analysis.explain.thresholds import (
     LEFT_OF_RANDOM,
     LEFT_OF_STRONG,
     LEFT_OVER,
+    LENS_ALONE,
     LEVEL_ALONE,
     LIKELIER,
     MOST_MISFIT,
@@ -70,7 +71,7 @@ def decide(found: Conclusion, few: float) -> None:
     imitated = found.unnamed_alone > found.imitation * gain + UNNAMED
     beaten = found.law_alone > gain + AHEAD * float(np.sqrt(max(gain, 0.0)))
     if not found.best.ids:
-        off = found.one_instrument and abs(found.level) > LEVEL_ALONE
+        off = (found.one_instrument and abs(found.level) > LEVEL_ALONE) or found.taken_by_lens > LENS_ALONE
         least = UNNAMED_ALONE_ONE if found.one_instrument else UNNAMED_ALONE
         found.verdict = "unexplained" if left > few * least or rough or off else "no-mismatch"
     elif left > _may_be_left(found, gain) or (rough and gain < STRONG):

@@ -1,18 +1,21 @@
 """How sure a name is in all the sets that may be so: what is sure of either, of doubles, and of a further name."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.special import expit, logit
 
 from analysis.explain.conclusion import Conclusion, temper
-from analysis.explain.fit import MIDDLE, Fit
+from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.states import terms_of
+from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
+from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     DOUBTFUL,
     FLATTENS,
@@ -25,6 +28,8 @@ from analysis.explain.thresholds import (
     UNSEEN,
 )
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles, stand_out
+from tests.analysis.explain import effects
+from tests.analysis.explain.campaign import TESTS, light, make_case
 from tests.analysis.explain.weighed import decided, hypothesis, law
 
 
@@ -249,3 +254,21 @@ def test_an_arm_is_likelier_turned_than_all_lenses_below_long_wells(arm: Scene, 
     decide(found, 1.0)
     assert found.best.first == "c-offset"
     assert (found.verdict == "explained") == bool(told)
+
+
+@pytest.mark.parametrize(("taken", "verdict"), [(0.034, "no-mismatch"), (0.039, "unexplained")])
+def test_more_than_a_lens_usually_has_wrong_is_something(arm: Scene, taken: float, verdict: str) -> None:
+    nothing = hypothesis(arm, 0.0)
+    found = Conclusion(nothing, nothing, [], taken_by_lens=taken)
+    decide(found, 1.0)
+    assert found.verdict == verdict
+
+
+def test_what_a_lens_takes_is_that_of_the_suns_images(tmp_path: Path) -> None:
+    """An aureole widens them, as a lens does that blurs; what else is usual is another nuisance's."""
+    taken = []
+    for k, truth in enumerate((light, effects.aureole(0.6, 9.0))):
+        fitter = Fitter(Scene(Readings.of(make_case(tmp_path / str(k), truth, tests=TESTS[::2]))))
+        taken.append(fitter.taken_by_lens(Search(fitter, mechanisms=[], conjectures=()).nothing().fit))
+    assert taken[0] < 0.015
+    assert taken[1] > 2.0 * taken[0]

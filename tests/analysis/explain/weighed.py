@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.explain.conclusion import Conclusion, Unnamed
-from analysis.explain.fit import MIDDLE, Fit
+from analysis.explain.fit import Fit
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
@@ -19,11 +19,13 @@ from analysis.explain.thresholds import (
 )
 from analysis.explain.verdict import decide
 
+USUAL = Hyper(1.0, 1.0, 1.0)
+
 
 def hypothesis(scene: Scene, gain: float, *ids: str) -> Hypothesis:
     terms = tuple(terms_of(BY_ID[name], scene)[0] for name in ids)
     return Hypothesis(
-        Fit(terms, np.zeros(sum(len(t.parameters) for t in terms)), np.zeros(0), np.zeros((0, 0)), hyper=MIDDLE), gain
+        Fit(terms, np.zeros(sum(len(t.parameters) for t in terms)), np.zeros(0), np.zeros((0, 0)), hyper=USUAL), gain
     )
 
 
@@ -39,7 +41,7 @@ def decided(
     left: float = 0.0,
     law_alone: float = -np.inf,
     considered: tuple[tuple[tuple[str, ...], float], ...] = (),
-    hyper: Hyper = MIDDLE,
+    hyper: Hyper = USUAL,
     unseen: tuple[str, ...] = (),
 ) -> Conclusion:
     """A conclusion that names the first single, with the evidence that each single gains."""
