@@ -1,5 +1,7 @@
 """From evidence to a conclusion: which mechanisms are named, how surely, and what stays unnamed."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.cases.model import Floats
@@ -60,13 +62,23 @@ def conclude(search: Search) -> Conclusion:
     found.best = with_its_pattern(search, found.best)
     _look_for_unnamed(search, found)
     decide(found, few)
-    if name_the_sure(found):
-        found.best = with_its_pattern(search, found.best)
-        _look_for_unnamed(search, found)
+    found = _only_the_sure(search, found)
     state(found)
     share_with_doubles(found)
     if found.best.ids:
         _widen(search, found)
+    return found
+
+
+def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:
+    """Name what all likely sets hold in place of what is doubtful; not where that changes too little by itself."""
+    before = replace(found)
+    if not name_the_sure(found):
+        return before
+    if search.least_effect(found.best) <= asked.least_effect(found.best, found):
+        return replace(before, verdict="unexplained")
+    found.best = with_its_pattern(search, found.best)
+    _look_for_unnamed(search, found)
     return found
 
 

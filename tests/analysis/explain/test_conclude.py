@@ -17,8 +17,9 @@ from analysis.explain.thresholds import (
     HOLDS_LAWS,
     TEMPER_ONE,
 )
+from analysis.explain.verdict import decide
 from analysis.explain.wander import Wandering
-from tests.analysis.explain.weighed import hypothesis
+from tests.analysis.explain.weighed import decided, hypothesis
 
 
 def test_a_sun_without_any_disc_stands_in_no_seconds_way(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,3 +102,21 @@ def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
     _grow(search, found)
     assert found.best is name
     assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): share}
+
+
+@pytest.mark.parametrize(("effect", "named"), [(0.03, True), (0.008, False)])
+def test_what_all_likely_sets_hold_is_named_if_it_changes_enough(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, effect: float, named: bool
+) -> None:
+    """A near field at eight apertures, which a clock or an angle seemed to go with, changed a null by .8 %."""
+    search = Search(Fitter(arm))
+    found = decided(arm, ("meter-cosine", 120.0), ("soiling", 350.0), ("cosine-response", 119.0))
+    found.best = hypothesis(arm, 385.0, "meter-cosine", "soiling")
+    found.considered = [(("nonlinearity", "soiling"), 380.0)]
+    decide(found, 1.0)
+    monkeypatch.setattr(search, "least_effect", lambda *_: effect)
+    monkeypatch.setattr(conclusions, "with_its_pattern", lambda _, best: best)
+    monkeypatch.setattr(conclusions, "_look_for_unnamed", lambda *_: None)
+    told = conclusions._only_the_sure(search, found)
+    assert (told.best.ids == ("soiling",)) == named
+    assert told.verdict == ("partly-explained" if named else "unexplained")
