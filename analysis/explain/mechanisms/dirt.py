@@ -81,8 +81,8 @@ class Soiling(Retraced):
         return (*self.parameters, self.scattered) if branch.value[1] == "scattering" else self.parameters
 
     def absurd(self, p: Floats, branch: Branch) -> bool:
-        """Whether anybody would see it."""
-        return float(p[0]) > SEEN
+        """Whether anybody would see it; what a case's variant has changed is its own affair, and may be no loss."""
+        return not branch.of_case and float(p[0]) > SEEN
 
     def illuminate(self, scene: Scene, light: Light, p: Floats, branch: Branch) -> None:
         """Weaken the beam by its path through the dirt, the sky by the mean."""

@@ -207,6 +207,7 @@ def test_of_what_has_no_scale_a_share_is_told(
     way = next(t for t in terms_of(BY_ID[mechanism], scene) if t.branch.label.startswith("case's variant "))
     assert (way.parameters[0].name, way.parameters[0].high) == ("weight", most)
     assert predict(scene, (way,), np.array([1.4])) == pytest.approx(BASE - 0.14 * sun(scene), rel=1e-3)
+    assert not way.mechanism.absurd(np.array([1.0]), way.branch)
 
 
 @pytest.mark.parametrize("weight", [0.08, 0.3, 1.0])
