@@ -25,7 +25,9 @@ LABEL: Final = "as light leaves"
 SPREAD_DEG: Final = 16.0
 """A last lens below the walls spreads what they leave by this (rms)."""
 CHANGES: Final = (-0.3, -0.15, -0.08, -0.04, -0.015, 0.0, 0.015, 0.03, 0.05)
+"""Changes of a wall's reflectance that are tried [1],"""
 SHARES: Final = (0.0, 0.03, 0.08, 0.15, 0.3, 0.6, 1.0)
+"""and shares of each reflection that are diffuse."""
 _LEAST, _MOST = 0.05, 0.998
 _LAST_DEG: Final = 86.0  # of light that grazes, no more reflections are counted
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import solid_angle
-from analysis.explain.leaving import duller_walls, scattering_walls
 from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import Retraced
+from analysis.explain.mirror_wells import duller_walls, scattering_walls
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.cases.model import Aperture, System
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
-from analysis.explain.leaving import duller_walls, reflections, scattering_walls, wells
+from analysis.explain.mirror_wells import duller_walls, reflections, scattering_walls, wells
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from tests.analysis.explain.campaign import NONE, TESTS, make_case
