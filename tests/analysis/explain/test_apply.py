@@ -121,3 +121,25 @@ def test_what_a_mechanism_changed_is_kept_with_it(tmp_path: Path) -> None:
     assert entry["only"] == ["tube"]
     turned = answer(explain(make_case(tmp_path / "turned", effects.c_offset(6.0))))
     assert turned["model"][0]["only"] == []
+
+
+def test_dirt_on_both_faces_is_applied_to_other_tests(tmp_path: Path) -> None:
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False)
+    what = model("soiling", "every system, both faces", ["loss"], [0.03])
+    exact = effects.dirt_below(0.03)(rows_of(WITHHELD))
+    assert corrected(tmp_path / "case", what) == pytest.approx(exact, rel=0.01)
+
+
+def test_a_mirroring_wall_is_applied_below_its_own_well(tmp_path: Path) -> None:
+    """By the way that light leaves it: what leaves aslant has met the wall more often."""
+    walls = {"wall_finish": "specular", "wall_reflectance": 0.95, "well_depth_m": 1.2}
+    box = {"id": "box", "kind": "box", "aperture": {"shape": "rectangle", "size_m": (0.6, 0.6)}} | walls
+    tube = {"id": "tube", "kind": "tube", "aperture": {"shape": "disc", "diameter_m": 0.36}} | walls
+    make_case(tmp_path / "case", tests=WITHHELD, measured=False, change={"system": [box, tube]})
+    what = model("wall-reflectance", "as light leaves, tube only", ["wall_reflectance"], [0.9], ("tube",))
+    rows = rows_of(WITHHELD)
+    change = corrected(tmp_path / "case", what) / light(rows)
+    below = rows.test == 1
+    assert change[~below] == pytest.approx(1.0)
+    mean = [change[below & (rows.gamma_deg == g)].mean() for g in (0.0, 45.0, 75.0)]
+    assert 1.0 > mean[0] > mean[1] > mean[2]
