@@ -74,7 +74,7 @@ def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:
     """Name what all likely sets hold in place of what is doubtful; not where that changes too little by itself."""
     before = replace(found)
     if not name_the_sure(found):
-        return before
+        return found
     if search.least_effect(found.best) <= asked.least_effect(found.best, found):
         return replace(before, verdict="unexplained")
     found.best = with_its_pattern(search, found.best)
