@@ -10,12 +10,13 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.goniometer import COffset, NearField
 from analysis.explain.mechanisms.lens import LensOrientation
-from analysis.explain.mechanisms.roof_meters import MeterTilt
+from analysis.explain.mechanisms.roof_meters import MeterCosine, MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
-from analysis.explain.mechanisms.sensors import Nonlinearity
+from analysis.explain.mechanisms.sensors import DarkOffset, Nonlinearity
 from analysis.explain.thresholds import (
     ARM_OR_LENSES,
     AS_WELL,
+    COSINE_OR_BENT,
     FLATTENS,
     LACKED_ODDS,
     LATE_AS_TURNED,
@@ -29,6 +30,11 @@ from analysis.explain.thresholds import (
 )
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
+_OF_ONE_INSTRUMENT: Final[dict[tuple[str, ...], float]] = {
+    (MeterTilt.id, UNREST.name): TILTED_OR_LATE,
+    (MeterCosine.id, Nonlinearity.id): COSINE_OR_BENT,
+    (MeterCosine.id, DarkOffset.id): COSINE_OR_BENT,
+}
 
 
 def than(found: Conclusion, rival: tuple[str, ...]) -> float:
@@ -89,13 +95,13 @@ def beside(h: Hypothesis, other: Hypothesis) -> float:
 def by_itself(found: Conclusion, name: str, other: tuple[str, ...]) -> float:
     """Log odds of one name against another that does alike, before any evidence.
 
-    A tilt for a clock, a near field for a sun without a disc, a room for a leak that follows the daylight, a late clock
-    for an arm's azimuth, that for lenses turned below long wells alone; and what the prediction lacks by the case's own
-    account for anything.
+    On a roof a tilt for a clock, or a cosine response for a bent one; below a skylight a near field for a sun without a
+    disc, a room for a leak that follows the daylight, a late clock for an arm's azimuth, that for lenses turned below
+    long wells alone; and what the prediction lacks by the case's own account for anything.
     """
     pair = name, *other
     if found.one_instrument:
-        return TILTED_OR_LATE if pair == (MeterTilt.id, UNREST.name) else 0.0
+        return _OF_ONE_INSTRUMENT.get(pair, 0.0)
     alone = {h.ids[0]: h for h in found.singles if len(h.ids) == 1}
     if name in found.lacked:
         return LACKED_ODDS

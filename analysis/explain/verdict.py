@@ -13,7 +13,6 @@ from analysis.explain.thresholds import (
     APART,
     DOUBTFUL,
     EVEN,
-    EVEN_GAIN,
     EVEN_LEAST,
     EVEN_LENS,
     EVEN_PICTURE,
@@ -41,8 +40,6 @@ from analysis.explain.thresholds import (
     UNNAMED_ALONE,
     UNNAMED_ALONE_ONE,
 )
-
-_GAINS = frozenset({"meter-gain", "channel-gain"})
 
 
 def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
@@ -238,7 +235,7 @@ def _probabilities(found: Conclusion) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
-    even = EVEN_GAIN if found.best.first in _GAINS else EVEN_PICTURE if found.pictures else EVEN
+    even = EVEN_PICTURE if found.pictures else EVEN
     even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
     even *= float(np.clip(found.best.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
     nothing = ((even if found.one_instrument else 0.0) - top) / by_root(top, found.nat)
