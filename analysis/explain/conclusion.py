@@ -87,6 +87,8 @@ class Conclusion:
         Mechanisms of instruments that the case holds no reading of; laws of those are less likely (`LIKELIER`).
     lacked
         Mechanisms that the prediction lacks by the case's own account: likelier, and asked for less (`LACKED`).
+    alike
+        Mechanisms that are not told apart in this case, whatever each gains.
     considered
         Further sets of names with their evidence, less what a name more has to bring.
     shares
@@ -112,6 +114,7 @@ class Conclusion:
     nat: float = TEMPER
     unseen: frozenset[str] = frozenset()
     lacked: frozenset[str] = frozenset()
+    alike: frozenset[str] = frozenset()
     seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
@@ -149,7 +152,8 @@ class Conclusion:
         known = {other for pair in DOUBLES if name in pair for other in pair}
         mine = self._by_itself(name)
         same = {h.ids[0] for h in self.singles if mine and len(h.ids) == 1 and not h.wanders and self._same(mine, h)}
-        return tuple(sorted((known | same) - {name} - self.unseen))
+        alike = self.alike if name in self.alike else frozenset()
+        return tuple(sorted((known | same | alike) - {name} - self.unseen))
 
     def _by_itself(self, name: str) -> Hypothesis | None:
         return next((h for h in self.singles if h.ids == (name,) and not h.wanders), None)

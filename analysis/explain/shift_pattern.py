@@ -79,6 +79,12 @@ def without_pattern(scene: Scene) -> dict[str, int]:
     return {name: k for name, k in systems_of(scene).items() if even[k]}
 
 
+def has_pattern(scene: Scene) -> bool:
+    """Whether the prediction of some system, tubes apart, has a pattern that hangs on the shift."""
+    tubes = {s.id for s in scene.readings.case.setup.system if s.kind == "tube"}
+    return any(contrast(scene, k) >= NO_CONTRAST for name, k in systems_of(scene).items() if name not in tubes)
+
+
 def systems_of(scene: Scene) -> dict[str, int]:
     """The numbers of the systems of a case's tests, by their ids."""
     r = scene.readings

@@ -178,7 +178,7 @@ def _doubles_here(found: Conclusion, name: str, alone: dict[str, float]) -> list
     """A mechanism's doubles, where they do as well: a leak that follows the daylight is not a reading in the dark."""
     gain = alone.get(name, 0.0)
     near = max(ALIKE, found.temper(gain))
-    return [d for d in found.doubles(name) if d in alone and abs(alone[d] - gain) < near]
+    return [d for d in found.doubles(name) if d in alone and (d in found.alike or abs(alone[d] - gain) < near)]
 
 
 def _share(found: Conclusion, name: str) -> float:

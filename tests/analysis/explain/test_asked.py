@@ -79,6 +79,9 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     for one_sensor, least_of_it in ((_sensor(arm, 0), NAME_FIRST_LENS), (_sensor(arm, 4), NAME_FIRST_BELOW)):
         one_sensor.fit.hyper = h.fit.hyper
         assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == least_of_it
+    walls, scatter = hypothesis(arm, 30.0, "soiling"), BY_ID["wall-scatter"]
+    walls.fit.terms, walls.fit.hyper = (Term(scatter, Branch("so"), scatter.parameters),), h.fit.hyper
+    assert asked.first(walls, Conclusion(nothing, nothing, []), 1.0) == NAME_FIRST_LENS
     alone = Conclusion(nothing, nothing, [], one_instrument=True)
     assert asked.first(h, alone, 1.0) < NAME_FIRST_BELOW
 

@@ -10,7 +10,8 @@ from analysis.explain.conclude import _grow, _wandering_beside, conclude
 from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import Fitter
-from analysis.explain.mechanisms.base import Branch
+from analysis.explain.mechanisms.base import Branch, Term
+from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
@@ -120,3 +121,22 @@ def test_what_all_likely_sets_hold_is_named_if_it_changes_enough(
     told = conclusions._only_the_sure(search, found)
     assert (told.best.ids == ("soiling",)) == named
     assert told.verdict == ("partly-explained" if named else "unexplained")
+
+
+@pytest.mark.parametrize("pattern", [True, False])
+@pytest.mark.parametrize("parameter", ["stretch", "weight"])
+def test_a_stretched_lens_is_told_as_a_turned_one_or_that_where_a_pattern_was_predicted(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, parameter: str, pattern: bool
+) -> None:
+    found = decided(arm, ("lens-anisotropy", 93.0), ("lens-orientation", 36.0), ("soiling", 5.0))
+    assert found.either == {}
+    mechanism = found.best.fit.terms[0].mechanism
+    along = Parameter(parameter, "1", "of a lens", -0.7, 0.7, 0.15, (0.1,))
+    found.best.fit.terms = (Term(mechanism, Branch("so"), (along,)),)
+    monkeypatch.setattr(conclusions, "has_pattern", lambda _: pattern)
+    found.alike = conclusions._not_told_apart(Search(Fitter(arm)), found.best)
+    found.indistinguishable = []
+    decide(found, 1.0)
+    turned = parameter == "stretch" and pattern
+    assert found.either == ({"lens-anisotropy": ("lens-orientation",)} if turned else {})
+    assert found.verdict == "explained"

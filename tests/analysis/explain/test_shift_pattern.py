@@ -89,6 +89,7 @@ def test_unit_effects_turn_with_the_lens() -> None:
 def test_a_prediction_without_a_pattern_is_known_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of(tmp_path / "round", 0.0)
     assert list(shift_pattern.without_pattern(scene)) == ["box"]  # of tubes nobody can tell
+    assert not shift_pattern.has_pattern(scene)
     assert named_wanders(scene, {PATTERN.name}) == (PATTERN,)
     one_sided = patterned(0.4)
 
@@ -101,6 +102,7 @@ def test_a_prediction_without_a_pattern_is_known_by_itself(tmp_path: Path, monke
     monkeypatch.setattr(campaign, "sun_part", square)
     known = Scene(Readings.of(make_case(tmp_path / "square", one_sided)), Retraced({}, Untraced()))
     assert shift_pattern.without_pattern(known) == {}
+    assert shift_pattern.has_pattern(known)
     assert named_wanders(known, {PATTERN.name}) == ()
 
 
