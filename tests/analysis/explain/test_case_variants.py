@@ -34,12 +34,14 @@ Run = Callable[[Sky, Floats, Floats], Floats]
 """The sun part [cd] of a test as a variant has it, at gammas (1, G) and planes (P, 1) [deg]."""
 
 
-def varied(folder: Path, *variants: tuple[str, dict[str, Any], Run, str], **change: Any) -> Scene:
+def varied(
+    folder: Path, *variants: tuple[str, dict[str, Any], Run, str], tests: tuple[Sky, ...] = TESTS, **change: Any
+) -> Scene:
     """A scene whose case brings variants: mechanism, setting, sun part, and the system that was run ("" for all)."""
     files, tables = {}, []
     for n, (mechanism, setting, run, system) in enumerate(variants):
         table: dict[str, Any] = {"mechanism": mechanism, "setting": setting, "simulated": {}}
-        for t in TESTS:
+        for t in tests:
             if system in ("", t.system):
                 candela = run(t, GAMMA[None, :], C[:, None])
                 candela[-1] = candela[0]
@@ -49,7 +51,7 @@ def varied(folder: Path, *variants: tuple[str, dict[str, Any], Run, str], **chan
                 files[name] = render_lm63(made, generation=FileGeneration.SIMULATED)
                 table["simulated"][t.id] = {"sun": name, "sky": f"simulated/{t.id}-sky.ies"}
         tables.append(table)
-    case = make_case(folder, flaws=NONE, change={"variant": tables, **change}, more=files)
+    case = make_case(folder, flaws=NONE, tests=tests, change={"variant": tables, **change}, more=files)
     return Scene(Readings.of(case), retraced_of(case))
 
 
@@ -167,6 +169,24 @@ def test_each_systems_walls_are_told_from_what_was_simulated_for_it(tmp_path: Pa
     assert made[box] == pytest.approx((BASE - 0.2 * sun(scene))[box], rel=1e-3)
     assert made[~box] == pytest.approx(BASE[~box], rel=1e-9)
     assert predict(scene, (of_box,), np.array([0.95])) == pytest.approx(BASE, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_a_share_of_a_variant_of_unlike_walls_is_a_reflectance_where_one_has_tests(
+    tmp_path: Path, share: float
+) -> None:
+    """Both wells run again at .90; tests of the tube alone, whose wall was simulated at .98, know that as a setting."""
+    darker = ("wall-reflectance", {"wall_reflectance": 0.90}, times(0.7), "")
+    both = varied(tmp_path / "both", darker, system=described(0.95, 0.98))
+    shared = term(both, "wall-reflectance", "case's variant wall_reflectance = 0.9")
+    made = predict(both, (shared,), np.array([share]))[of_system(both, "tube")]
+    entry = {"id": "wall-reflectance", "way": shared.branch.label, "names": ["weight"], "theta": [share], "sd": [0.1]}
+    tube = tuple(t for t in TESTS if t.system == "tube")
+    alone = varied(tmp_path / "tube", darker, tests=tube, system=described(0.95, 0.98))
+    text = apply_model(Model((entry | {"facts": {}},)), alone.readings.case)
+    # the reflectance goes by powers, the share by parts
+    assert columns(text, "corrected")[0] == pytest.approx(made, rel=1e-6 if share == 1.0 else 0.02)
+    assert np.min(made / BASE[of_system(both, "tube")]) < 1.0 - 0.25 * share
 
 
 def test_walls_of_all_systems_may_be_off_alike(tmp_path: Path) -> None:
