@@ -101,9 +101,19 @@ def test_of_one_instrument_little_evidence_is_no_name(
     assert verdicts == {little: "unexplained", enough: "explained"}
 
 
-@pytest.mark.parametrize(("pictures", "verdict"), [(True, "unexplained"), (False, "explained")])
-def test_a_meter_needs_less_evidence_than_a_camera(picture: Scene, pictures: bool, verdict: str) -> None:
-    only = hypothesis(picture, 20.0, "dark-offset")
+@pytest.mark.parametrize(
+    ("name", "pictures", "gain", "verdict"),
+    [
+        ("vignetting", True, 33.0, "explained"),
+        ("dark-offset", False, 33.0, "unexplained"),
+        ("meter-cosine", False, 20.0, "explained"),
+        ("meter-cosine", False, 12.0, "unexplained"),
+    ],
+)
+def test_a_camera_or_a_cosine_error_needs_less_evidence_than_a_meters_other_faults(
+    picture: Scene, roof: Scene, name: str, pictures: bool, gain: float, verdict: str
+) -> None:
+    only = hypothesis(picture if pictures else roof, gain, name)
     only.fit.hyper = Hyper(1.0, 1.0, EVEN_LENS)
     found = Conclusion(only, hypothesis(picture, 0.0), [only], one_instrument=True, pictures=pictures, nat=TEMPER_ONE)
     decide(found, 1.0)
