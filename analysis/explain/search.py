@@ -27,7 +27,7 @@ from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.states import terms_of
-from analysis.explain.thresholds import BENDS_AMONG_WAYS, STANDS_IN, TEMPER_ONE
+from analysis.explain.thresholds import AS_IT_IS, BENDS_AMONG_WAYS, STANDS_IN, TEMPER_ONE
 from analysis.explain.wander import Wander, likeliest
 
 X = TypeVar("X")
@@ -251,8 +251,17 @@ class Search:
         return weighed.log_evidence
 
     def allowed(self, hypothesis: Hypothesis) -> tuple[Extra, ...]:
-        """What is allowed for beside a hypothesis: what its forms have wrong, and its random effects."""
-        return (*self.forms_wrong(hypothesis.fit), *(x.extra(self.scene) for x in hypothesis.wanders))
+        """What is allowed for beside a hypothesis: what its forms have wrong, and its random effects.
+
+        But no form is wrong of a lone name that is much likelier by its form as it is (`AS_IT_IS`): what it does is
+        large, and elsewhere nothing is off by a share of that.
+        """
+        random = tuple(x.extra(self.scene) for x in hypothesis.wanders)
+        forms = self.forms_wrong(hypothesis.fit)
+        if forms and len(hypothesis.ids) == 1:
+            exact = hypothesis.fit.log_evidence - self.reweighed(hypothesis, (*forms, *random)) > AS_IT_IS
+            forms = () if exact else forms
+        return (*forms, *random)
 
     def forms_wrong(self, fit: Fit) -> tuple[Extra, ...]:
         """What the forms of a fit may have wrong."""

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.special import logit
 
-import analysis.explain.conclude as conclusions
-from analysis.explain import asked
-from analysis.explain.conclude import _likeliest, _name_two_together
+from analysis.explain import asked, further
 from analysis.explain.conclusion import Conclusion, of_another_lens
 from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
+from analysis.explain.further import Beside, _likeliest, name_two_together
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
@@ -294,10 +293,11 @@ def test_two_that_gain_too_little_alone_may_be_told_together(
     both = hypothesis(arm, together, "saturation", "cosine-response")
     for h in (*singles, both):
         h.fit.hyper = Hyper(2.0, 1.0, 2.5)
-    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: (together - base.evidence, both))
+    monkeypatch.setattr(further, "_beside", lambda _, __, base: Beside(base, 0.0, []))
+    monkeypatch.setattr(further, "_one_more", lambda _, __, beside: (together - beside.base.evidence, both))
     found = Conclusion(nothing, nothing, singles)
     assert all(asked.first(h, found, 1.0) > h.evidence for h in singles[:2])
-    _name_two_together(search, found, 1.0)
+    name_two_together(search, found, 1.0)
     assert found.best.ids == (both.ids if told else ())
 
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import analysis.explain.conclude as conclusions
-from analysis.explain.conclude import _grow, _wandering_beside, conclude
+from analysis.explain import further
+from analysis.explain.conclude import conclude
 from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import Fitter
+from analysis.explain.further import Beside, grow, wandering_beside
 from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
@@ -32,13 +34,13 @@ def test_a_sun_without_any_disc_stands_in_no_seconds_way(arm: Scene, monkeypatch
     monkeypatch.setattr(search, "allowed", lambda *_: ())
     monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
     monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
-    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    monkeypatch.setattr(further, "wandering_beside", lambda *_: [])
     for fraction, told in ((0.5, "circumsolar-aureole"), (1.0, "lens-haze")):
         one = len(both[0].fit.terms[0].parameters)
         both[0].fit.theta = np.array([0.0] * one + [fraction, 5.0])
         both[1].fit.theta = np.zeros(one + 1)
         found = Conclusion(name, nothing, [name])
-        _grow(search, found)
+        grow(search, found)
         assert {new for _, new in found.shares} == {told}
 
 
@@ -53,7 +55,7 @@ def test_a_random_function_gains_what_any_law_would(picture: Scene) -> None:
     search = Search(Fitter(Scene(replace(r, measured=r.simulated * wave))))
     nothing = search.nothing()
     found = Conclusion(nothing, nothing, [])
-    (told,) = [h for h in _wandering_beside(search, found, nothing, ()) if h.ids == ("exposure-error",)]
+    (told,) = [h for h in wandering_beside(search, found, nothing, ()) if h.ids == ("exposure-error",)]
     whole = search.wandering(nothing, SHUTTER, ()).evidence - nothing.evidence
     assert told.evidence - nothing.evidence == pytest.approx((1.0 - HOLDS_LAWS) * whole)
     assert whole > 20.0
@@ -64,11 +66,12 @@ def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, mo
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
     name = hypothesis(arm, 46.0, "cosine-response")
     bases: list[str] = []
-    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: bases.append(base.first))
+    monkeypatch.setattr(further, "_beside", lambda _, __, base: Beside(base, 0.0, []))
+    monkeypatch.setattr(further, "_one_more", lambda _, __, beside: bases.append(beside.base.first))
     for gain, sought in ((39.0, {"cosine-response"}), (45.0, {"cosine-response", "cloud-drift"})):
         cloud = replace(hypothesis(arm, gain), wanders=(Wandering(CLOUD, 0.05, 25.0),))
         bases.clear()
-        _grow(search, Conclusion(name, nothing, [name, cloud], readings=1280))
+        grow(search, Conclusion(name, nothing, [name, cloud], readings=1280))
         assert set(bases) == sought
 
 
@@ -77,11 +80,12 @@ def test_nothing_is_sought_beside_what_no_physics_makes(arm: Scene, monkeypatch:
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
     name, split = hypothesis(arm, 69.0, "dark-offset"), hypothesis(arm, 82.0, "sky-sun-ratio")
     bases: list[str] = []
-    monkeypatch.setattr(conclusions, "_one_more", lambda _, __, base: bases.append(base.first))
+    monkeypatch.setattr(further, "_beside", lambda _, __, base: Beside(base, 0.0, []))
+    monkeypatch.setattr(further, "_one_more", lambda _, __, beside: bases.append(beside.base.first))
     for change, sought in ((0.6, {"dark-offset"}), (0.3, {"dark-offset", "sky-sun-ratio"})):
         split.fit.theta = np.array([change])
         bases.clear()
-        _grow(search, Conclusion(name, nothing, [split, name], readings=1280))
+        grow(search, Conclusion(name, nothing, [split, name], readings=1280))
         assert set(bases) == sought
 
 
@@ -98,9 +102,9 @@ def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
     monkeypatch.setattr(search, "allowed", lambda *_: ())
     monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
     monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
-    monkeypatch.setattr(conclusions, "_wandering_beside", lambda *_: [])
+    monkeypatch.setattr(further, "wandering_beside", lambda *_: [])
     found = Conclusion(name, nothing, [name])
-    _grow(search, found)
+    grow(search, found)
     assert found.best is name
     assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): share}
 
@@ -140,3 +144,14 @@ def test_a_stretched_lens_is_told_as_a_turned_one_or_that_where_a_pattern_was_pr
     turned = parameter == "stretch" and pattern
     assert found.either == ({"lens-anisotropy": ("lens-orientation",)} if turned else {})
     assert found.verdict == "explained"
+
+
+def test_a_set_counts_for_what_it_does_by_the_best_way_to_it(arm: Scene) -> None:
+    """Each is weighed with what the form it was added to may have wrong; a base's own evidence is the common scale."""
+    tilt, angle = hypothesis(arm, 32.0, "meter-tilt"), hypothesis(arm, 41.0, "gamma-offset")
+    one_way = hypothesis(arm, 91.0, "meter-tilt", "gamma-offset")
+    other_way = hypothesis(arm, 84.0, "gamma-offset", "meter-tilt")
+    rival = hypothesis(arm, 86.0, "gamma-offset", "cosine-response")
+    tried = further._by_any_way([Beside(tilt, 30.0, [one_way]), Beside(angle, 46.0, [rival, other_way])])
+    assert [b.whole(h) for b in tried for h in b.candidates] == pytest.approx([93.0, 81.0, 93.0])
+    assert other_way.evidence - 46.0 == pytest.approx(93.0 - 41.0)  # what it gains over the angle alone

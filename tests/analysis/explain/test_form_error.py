@@ -10,6 +10,7 @@ from analysis.explain.conclusion import traced
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypers import Hyper
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.lens_error import lens_error_of_systems
 from analysis.explain.mechanisms.base import Branch, Term, lit_by, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
@@ -17,6 +18,7 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.thresholds import AS_IT_IS
 from tests.analysis.explain.test_mechanisms import term
 
 
@@ -159,3 +161,21 @@ def test_what_was_traced_on_a_lens_hardly_unlike_is_wrong_by_less_where_the_lens
     assert less == pytest.approx(sum(x**2 for x in shares[1]) / sum(x**2 for x in shares[0]), rel=0.1)
     assert less < 0.7 if mechanism == "lens-orientation" else less == pytest.approx(1.0)
     assert traced(plain) and not traced(alike)
+
+
+@pytest.mark.parametrize(("off", "allowed"), [(0.0, False), (0.5, True)])
+def test_a_form_that_is_right_everywhere_is_allowed_no_error_beside_it(arm: Scene, off: float, allowed: bool) -> None:
+    """An arm turned by 12°, exactly, and one where each direction changes half as much, or half as much again."""
+    way, r = term(arm, "c-offset"), arm.readings
+    base, turned = predict(arm, (), np.zeros(0)), predict(arm, (way,), np.array([12.0]))
+    directions = len(base) // len(np.unique(r.test))
+    sign = np.random.default_rng(5).choice([-1.0, 1.0], directions)[np.arange(len(base)) % directions]
+    fitter = Fitter(arm)
+    fitter._seen = r.stretched(base + (1.0 + off * sign) * (turned - base))
+    fit = fitter.fit((way,), np.array([6.0]), MIDDLE)
+    fitter.weigh([fit])
+    search = Search(fitter, (), ())
+    assert bool(search.allowed(Hypothesis(fit, fit.log_evidence))) == allowed
+    if not allowed:
+        without_it = search.reweighed(Hypothesis(fit, fit.log_evidence), search.forms_wrong(fit))
+        assert without_it < fit.log_evidence - AS_IT_IS
