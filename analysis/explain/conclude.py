@@ -8,12 +8,13 @@ from analysis.cases.model import Floats
 from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
-from analysis.explain.conclusion import Conclusion, Unnamed
+from analysis.explain.conclusion import Conclusion, Unnamed, ends_softly
 from analysis.explain.families import SCAN_ORDER, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.further import grow, name_two_together, wandering_beside
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
+from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Search
 from analysis.explain.shift_pattern import has_pattern
@@ -66,13 +67,16 @@ def conclude(search: Search) -> Conclusion:
 
 
 def _not_told_apart(search: Search, best: Hypothesis) -> frozenset[str]:
-    """A lens that is stretched from one that is turned, where its prediction shows a pattern: any turn looks like some.
+    """Names that another may bear as well, whatever our forms of that gain.
 
-    (Of other authors' skylights with stretched lenses that were told, seven whose predictions show no pattern, or of
-    tubes, were right; of seven others four were turned ones, by our account with a third of the evidence and less.)
+    A lens that is stretched may be turned, where its prediction shows a pattern: any turn looks like some stretch. (Of
+    other authors' skylights with stretched lenses that were told, seven whose predictions show no pattern, or of tubes,
+    were right; of seven others four were turned ones, by our account with a third of the evidence and less.) A range
+    that ends softly may be a response that bends (`SUDDEN`).
     """
-    stretched = any(asked.stretches(t) for t in best.fit.terms)
-    return asked.ONE_PATTERN if stretched and has_pattern(search.scene) else frozenset()
+    if any(asked.stretches(t) for t in best.fit.terms) and has_pattern(search.scene):
+        return asked.ONE_PATTERN
+    return frozenset({Saturation.id, Nonlinearity.id}) if ends_softly(best) else frozenset()
 
 
 def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:

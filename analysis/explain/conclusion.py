@@ -19,6 +19,7 @@ from analysis.explain.thresholds import (
     LIKELIER,
     SAME,
     SLOW_OR_LATE,
+    SUDDEN,
     SURE,
     SURE_BELOW,
     SURE_BESIDE,
@@ -291,3 +292,9 @@ def flattens_all(h: Hypothesis) -> bool:
     that ends a sudden one.
     """
     return any(t.mechanism.id == Saturation.id and t.branch.value[1] in Saturation.smooth for t in h.fit.terms)
+
+
+def ends_softly(h: Hypothesis) -> bool:
+    """Whether a range of an arm's sensors ends so gradually that it is as well a response that is not proportional."""
+    ends = [k for t, k in h.fit.placed if t.mechanism.id == Saturation.id and t.branch.value[1] == "rounded"]
+    return any(h.fit.theta[k + 1] < SUDDEN for k in ends)

@@ -146,6 +146,9 @@ STANDS_IN = 0.35
 """The same of light that goes on as the sky's does, which stands for whatever spreads the sun's. (Of eight names of
 dirt by that form, on others' skylights and our own, one was right; of twelve by dirt that was traced all. Of walls that
 scatter, told halfway to it, our own were right, two of two others' wrong.)"""
+SUDDEN = 7.0
+"""A range that ends less suddenly than this (n of `Saturation`) may be a response that is not proportional. (By that
+name another author bent a diode's with 4; ranges that ended had 10 and more, nine by nine authors.)"""
 AS_IT_IS = 10.0
 """What the form of a lone name may have wrong is allowed for beside it, unless it has so many nats more without that.
 (Of three other authors' pairs of a wall and an arm's angle, whose walls alone had 32, 42 and 47 nats, it had cost them

@@ -13,6 +13,8 @@ from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import Fitter
 from analysis.explain.further import Beside, grow, wandering_beside
 from analysis.explain.mechanisms.base import Branch, Term
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
@@ -144,6 +146,17 @@ def test_a_stretched_lens_is_told_as_a_turned_one_or_that_where_a_pattern_was_pr
     turned = parameter == "stretch" and pattern
     assert found.either == ({"lens-anisotropy": ("lens-orientation",)} if turned else {})
     assert found.verdict == "explained"
+
+
+@pytest.mark.parametrize(("sharpness", "either"), [(4.0, True), (15.0, False)])
+def test_a_range_that_ends_softly_may_be_a_bent_response(arm: Scene, sharpness: float, either: bool) -> None:
+    found = decided(arm, ("saturation", 194.0), ("nonlinearity", 100.0), ("soiling", 5.0))
+    rounded = next(t for t in terms_of(BY_ID["saturation"], arm) if t.branch.value[1] == "rounded")
+    found.best.fit.terms, found.best.fit.theta = (rounded,), np.array([1.3, sharpness])
+    found.alike = conclusions._not_told_apart(Search(Fitter(arm)), found.best)
+    found.indistinguishable = []
+    decide(found, 1.0)
+    assert found.either == ({"saturation": ("nonlinearity",)} if either else {})
 
 
 def test_a_set_counts_for_what_it_does_by_the_best_way_to_it(arm: Scene) -> None:
