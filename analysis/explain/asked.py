@@ -47,6 +47,7 @@ from analysis.explain.thresholds import (
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NAME_SECOND_SPLIT,
     NAME_STANDING_IN,
     NAME_STRETCHED,
     NEVER,
@@ -174,7 +175,7 @@ def mistaken(base: Hypothesis, new: str, evidence: float, found: Conclusion) -> 
 
 def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if found.one_instrument:
-        return NAME_SECOND
+        return NAME_SECOND_SPLIT if any(t.mechanism.stage is Stage.SUN_AND_SKY for t in added) else NAME_SECOND
     if _outermost(added) or any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW

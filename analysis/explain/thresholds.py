@@ -125,6 +125,9 @@ readings under one sun. (A wrong split of sun and sky gained 18 beside an offset
 NAME_SECOND_RANDOM = 60.0
 """The same for a random effect, which can lean on whatever another form has left, and for a meter's state that began
 in some test."""
+NAME_SECOND_SPLIT = 60.0
+"""The same for a wrong split of sun and sky on a roof: a model whose air is wrong, or a second instrument, errs so. (Of
+two other authors' roofs a false one gained 26 and 48 beside a range's end and a clock; none that was true was seen.)"""
 NAME_SECOND_EXPOSURES = 20.0
 """The same for errors of the exposures. (On four other authors' cameras, beside a right name, those that were true
 gained 60, 35 and 13, false ones 8 at most, 11 where what else was true had no name.)"""

@@ -36,11 +36,13 @@ from analysis.explain.thresholds import (
     NAME_FIRST_CLOUD,
     NAME_FIRST_FAR,
     NAME_FIRST_LENS,
+    NAME_SECOND,
     NAME_SECOND_BELOW,
     NAME_SECOND_EXPOSURES,
     NAME_SECOND_LENS,
     NAME_SECOND_ONE,
     NAME_SECOND_RANDOM,
+    NAME_SECOND_SPLIT,
     NAME_STRETCHED,
     NARROW_DEG,
     NEVER,
@@ -465,3 +467,12 @@ def test_what_a_clock_leaves_is_no_azimuth_whichever_came_first(arm: Scene) -> N
     assert asked.mistaken(turned, "clock-offset", 173.0, found)
     assert not asked.mistaken(turned, "clock-offset", 137.0 + NAME_FIRST_FAR, found)
     assert not asked.mistaken(hypothesis(arm, 75.0, "dark-offset"), "clock-offset", 173.0, found)
+
+
+def test_a_wrong_split_beside_another_name_must_gain_much_on_a_roof(roof: Scene) -> None:
+    late, nothing = hypothesis(roof, 300.0, "clock-offset"), hypothesis(roof, 0.0)
+    found = Conclusion(late, nothing, [late], one_instrument=True)
+    left = asked.misfit(late, nothing)
+    for new, least in (("sky-sun-ratio", NAME_SECOND_SPLIT), ("dark-offset", NAME_SECOND)):
+        both = hypothesis(roof, 340.0, "clock-offset", new)
+        assert least <= asked.beside(both, late, found, new, random=False) <= least + left
