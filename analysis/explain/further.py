@@ -51,13 +51,13 @@ def grow(search: Search, found: Conclusion) -> None:
     """Add a second and a third mechanism while the evidence carries them.
 
     Of two that act together a third may imitate the sum better than either does alone: so the runners-up are bases too,
-    but no random effect that would not be named first, and nothing that no physics makes.
+    but nothing that leans on whatever is there and would not be named first, and nothing that no physics makes.
     """
     nothing = found.nothing.evidence
     least = nothing + min(RUNNER_UP * (found.best.evidence - nothing), found.best.evidence - nothing - 15.0)
     few = asked.share_of_few(search)
     near = [h for h in found.singles[:BASES] if h.ids and h.evidence > least]
-    near = [h for h in near if not h.wanders or h.evidence - nothing > asked.first(h, found, few)]
+    near = [h for h in near if not _leans(h) or h.evidence - nothing > asked.first(h, found, few)]
     near = [h for h in near if not asked.absurd(h.fit)]
     bases = near if found.best in near else [found.best, *near]
     for _ in range(2):
@@ -72,6 +72,14 @@ def grow(search: Search, found: Conclusion) -> None:
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
         found.best = best
         bases = [best]
+
+
+def _leans(h: Hypothesis) -> bool:
+    """Whether it is a random effect, or a form that stands in for others.
+
+    (A share of the beam that is the sky's, which had 32 nats of 90, took a sensor's gain to itself, which was right.)
+    """
+    return bool(h.wanders) or any(t.branch.stands_in for t in h.fit.terms)
 
 
 def name_two_together(search: Search, found: Conclusion, few: float) -> None:

@@ -77,6 +77,23 @@ def test_nothing_is_sought_beside_a_cloud_that_would_not_be_named(arm: Scene, mo
         assert set(bases) == sought
 
 
+def test_nothing_is_sought_beside_a_form_that_stands_in_and_would_not_be_named(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes to itself whatever stands beside it, where that would be asked for more than it has."""
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
+    name = hypothesis(arm, 80.0, "channel-gain")
+    bases: list[str] = []
+    monkeypatch.setattr(further, "_beside", lambda _, __, base: Beside(base, 0.0, []))
+    monkeypatch.setattr(further, "_one_more", lambda _, __, beside: bases.append(beside.base.first))
+    for stands_in, gain, sought in ((True, 70.0, False), (True, 95.0, True), (False, 70.0, True)):
+        split = hypothesis(arm, gain, "sky-sun-ratio")
+        split.fit.terms = (replace(split.fit.terms[0], branch=Branch("so", stands_in=stands_in)),)
+        bases.clear()
+        grow(search, Conclusion(name, nothing, sorted([split, name], key=lambda h: -h.evidence), readings=1280))
+        assert ("sky-sun-ratio" in bases) == sought
+
+
 def test_nothing_is_sought_beside_what_no_physics_makes(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """A diffuse illuminance that is wrong by three fifths stands for something else, and so do its companions."""
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
