@@ -16,6 +16,7 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
 from analysis.explain.mechanisms.base import Stage, Term
 from analysis.explain.mechanisms.goniometer import COffset, GammaOffset, NearField
+from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.mechanisms.well import WallScatter
 from analysis.explain.search import Search
@@ -67,6 +68,8 @@ _LEFT_BY: Final = {
     COffset.id: UNREST.name,
     NearField.id: CircumsolarAureole.id,
     CircumsolarAureole.id: NearField.id,
+    MeterTilt.id: UNREST.name,
+    UNREST.name: MeterTilt.id,
 }
 """Names that the form of another leaves something like."""
 ONE_PATTERN: Final = frozenset({"lens-orientation", "lens-anisotropy"})

@@ -67,7 +67,8 @@ NAME_FIRST_FAR = 60.0
 """A near field beyond six apertures must gain this unless the case brings it: it is hardly more than a blur
 there, as that of a lens simulated a little wrong. (On another author's skylights, false, it gained 25, 38 and 55.)
 So must an azimuth of the arm beside a clock, whose form leaves such a turn (two authors' false ones gained up to 46),
-and a near field beside an aureole or the other way round (53, where the form of the aureole had left it),
+a near field beside an aureole or the other way round (53, where the form of the aureole had left it),
+a tilted meter beside a clock or the other way round, which alike move a day's curve to one side (17, false),
 and a response that bends upwards: images that are blurred less than simulated look so. (Four upward bends that were
 named on three other authors' skylights, for 15 to 46 nats, were false; their true responses bend down.)"""
 NAME_STANDING_IN = 90.0

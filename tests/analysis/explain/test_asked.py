@@ -348,6 +348,18 @@ def test_what_the_form_of_the_other_leaves_is_asked_for_more(
     assert (asked.beside(both, base, found, further, random=False) >= NAME_FIRST_FAR) == (left and not brought)
 
 
+@pytest.mark.parametrize(("first", "further"), [("clock-offset", "meter-tilt"), ("meter-tilt", "clock-offset")])
+def test_what_moves_a_roofs_day_to_one_side_is_not_both_a_clock_and_a_tilt(
+    roof: Scene, first: str, further: str
+) -> None:
+    nothing, base = hypothesis(roof, 0.0), hypothesis(roof, 280.0, first)
+    found = Conclusion(base, nothing, [base], one_instrument=True)
+    for new, least in ((further, NAME_FIRST_FAR), ("dark-offset", NAME_SECOND)):
+        both = hypothesis(roof, 297.0, first, new)
+        asked_for = asked.beside(both, base, found, new, random=False)
+        assert least <= asked_for <= least + asked.misfit(base, nothing)
+
+
 def test_what_looks_like_a_lens_beside_another_is_asked_less_where_the_case_brings_it(arm: Scene) -> None:
     least = []
     for of_case in (False, True):
