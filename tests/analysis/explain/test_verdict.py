@@ -7,9 +7,9 @@ import pytest
 from scipy.special import expit
 
 from analysis.explain import likelier
-from analysis.explain.conclude import _likeliest
 from analysis.explain.conclusion import Conclusion, Unnamed, temper
 from analysis.explain.families import CLOUD
+from analysis.explain.further import _likeliest
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
