@@ -116,7 +116,6 @@ class Conclusion:
     unseen: frozenset[str] = frozenset()
     lacked: frozenset[str] = frozenset()
     alike: frozenset[str] = frozenset()
-    seconds: list[Hypothesis] = field(default_factory=list)
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
     trail: list[str] = field(default_factory=list)

@@ -1,6 +1,6 @@
 """What stands beside a name: a second and a third are added while the evidence carries them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,12 +133,8 @@ def _one_more(search: Search, found: Conclusion, beside: Beside) -> tuple[float,
     seen = [h for h in candidates if search.least_effect(h) > asked.least_effect(h, found) and not asked.is_a_moment(h)]
     best = _likeliest(found, seen or candidates, base, alone)
     gain = best.evidence - alone
-    if base is found.best or base in found.singles[:1]:
-        found.seconds = sorted(candidates, key=lambda h: -h.evidence)
-    random = len(best.wanders) > len(base.wanders) and best.last not in found.shown
     (new,) = set(best.ids) - set(base.ids)
-    share = share_of(found, best, base, candidates, gain)
-    needed = asked.beside(best, base, found, new, random, share)
+    share, needed = _asked_for(found, beside, best)
     # what gains too little to be told does not say either that others would do as well
     found.shares[frozenset(base.ids), new] = share if gain >= needed else 1.0
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
@@ -150,10 +146,17 @@ def _one_more(search: Search, found: Conclusion, beside: Beside) -> tuple[float,
         return None
     near = max(ALIKE, found.temper(gain))
     tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
-    best.tied = base.tied + tuple((new, h.last) for h in tied)
-    best.added_to = base.first
-    best.evidence = base.evidence + gain
-    return gain, best
+    tied_too = base.tied + tuple((new, h.last) for h in tied)
+    return gain, replace(best, tied=tied_too, added_to=base.first, evidence=base.evidence + gain)
+
+
+def _asked_for(found: Conclusion, beside: Beside, h: Hypothesis) -> tuple[float, float]:
+    """How probable what a candidate adds is among all that could be added, and how many nats are asked of it."""
+    base, gain = beside.base, h.evidence - beside.alone
+    (new,) = set(h.ids) - set(base.ids)
+    random = len(h.wanders) > len(base.wanders) and h.last not in found.shown
+    share = share_of(found, h, base, beside.candidates, gain)
+    return share, asked.beside(h, base, found, new, random, share)
 
 
 def _each_gains(found: Conclusion, tried: list[Beside], best: Hypothesis) -> bool:
@@ -161,15 +164,8 @@ def _each_gains(found: Conclusion, tried: list[Beside], best: Hypothesis) -> boo
 
     (A response that bends had 17 nats beside a clock, for which it was asked 20; but the clock 510 beside it.)
     """
-    for b in tried:
-        for h in b.candidates:
-            if set(h.ids) == set(best.ids):
-                gain, (new,) = h.evidence - b.alone, set(h.ids) - set(b.base.ids)
-                random = len(h.wanders) > len(b.base.wanders) and h.last not in found.shown
-                share = share_of(found, h, b.base, b.candidates, gain)
-                if gain < asked.beside(h, b.base, found, new, random, share):
-                    return False
-    return True
+    ways = [(b, h) for b in tried for h in b.candidates if set(h.ids) == set(best.ids)]
+    return all(h.evidence - b.alone >= _asked_for(found, b, h)[1] for b, h in ways)
 
 
 def _no_more_a_cloud(search: Search, h: Hypothesis) -> bool:

@@ -187,21 +187,24 @@ def test_a_set_counts_for_what_it_does_by_the_best_way_to_it(arm: Scene) -> None
     assert other_way.evidence - 46.0 == pytest.approx(93.0 - 41.0)  # what it gains over the angle alone
 
 
+@pytest.mark.parametrize("form", [0.0, 200.0])
 @pytest.mark.parametrize(("gain", "told"), [(17.0, ("c-offset",)), (30.0, ("cosine-response", "c-offset"))])
 def test_each_name_of_a_set_must_gain_beside_the_others(
-    arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, told: tuple[str, ...]
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, told: tuple[str, ...], form: float
 ) -> None:
-    """That the strong one gains much beside the weak one tells nothing of the weak one."""
+    """That the strong one gains much beside the weak one tells nothing of that, nor does what forms' errors gain."""
     search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
     strong, weak = hypothesis(arm, 200.0, "c-offset"), hypothesis(arm, 90.0, "cosine-response")
     ways = {
-        "c-offset": Beside(strong, 200.0, [hypothesis(arm, 200.0 + gain, "c-offset", "cosine-response")]),
-        "cosine-response": Beside(weak, 90.0, [hypothesis(arm, 200.0 + gain, "cosine-response", "c-offset")]),
+        "c-offset": Beside(strong, 200.0 + form, [hypothesis(arm, 200.0 + form + gain, "c-offset", "cosine-response")]),
+        "cosine-response": Beside(
+            weak, 90.0 + form, [hypothesis(arm, 200.0 + form + gain, "cosine-response", "c-offset")]
+        ),
     }
     for beside in ways.values():
         beside.candidates[0].added = next(iter(set(ways) - {beside.base.first}))
     # what is second to it beside the strong one would be asked for too much to be told
-    rival = hypothesis(arm, 201.0 + gain, "c-offset", "sky-sun-ratio")
+    rival = hypothesis(arm, 201.0 + form + gain, "c-offset", "sky-sun-ratio")
     rival.fit.terms = (rival.fit.terms[0], replace(rival.fit.terms[1], branch=Branch("so", stands_in=True)))
     rival.added = "sky-sun-ratio"
     ways["c-offset"].candidates.append(rival)
