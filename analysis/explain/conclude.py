@@ -70,9 +70,9 @@ def _not_told_apart(search: Search, best: Hypothesis) -> frozenset[str]:
     """Names that another may bear as well, whatever our forms of that gain.
 
     A lens that is stretched may be turned, where its prediction shows a pattern: any turn looks like some stretch. (Of
-    other authors' skylights with stretched lenses that were told, seven whose predictions show no pattern, or of tubes,
-    were right; of seven others four were turned ones, by our account with a third of the evidence and less.) A range
-    that ends softly may be a response that bends (`SUDDEN`).
+    other authors' skylights with stretched lenses that were told, five whose predictions show no pattern, or of tubes,
+    were right; of eight others three were, four were turned ones, by our account with two fifths of the evidence and
+    less, one was none.) A range that ends softly may be a response that bends (`SUDDEN`).
     """
     if any(asked.stretches(t) for t in best.fit.terms) and has_pattern(search.scene):
         return asked.ONE_PATTERN
