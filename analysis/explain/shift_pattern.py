@@ -81,8 +81,8 @@ def without_pattern(scene: Scene) -> dict[str, int]:
 
 def has_pattern(scene: Scene) -> bool:
     """Whether the prediction of some system, tubes apart, has a pattern that hangs on the shift."""
-    tubes = {s.id for s in scene.readings.case.setup.system if s.kind == "tube"}
-    return any(contrast(scene, k) >= NO_CONTRAST for name, k in systems_of(scene).items() if name not in tubes)
+    even = scene.remember(_even)
+    return any(not even[k] for k in _but_tubes(scene))
 
 
 def systems_of(scene: Scene) -> dict[str, int]:
@@ -93,12 +93,16 @@ def systems_of(scene: Scene) -> dict[str, int]:
 
 def _even(scene: Scene) -> Floats:
     """1 for each system (S,) of which that is so."""
-    tubes = {s.id for s in scene.readings.case.setup.system if s.kind == "tube"}
-    systems = systems_of(scene)
-    found = np.zeros(max(systems.values()) + 1)
-    for name, k in systems.items():
-        found[k] = name not in tubes and contrast(scene, k) < NO_CONTRAST
+    found = np.zeros(max(systems_of(scene).values()) + 1)
+    for k in _but_tubes(scene):
+        found[k] = contrast(scene, k) < NO_CONTRAST
     return found
+
+
+def _but_tubes(scene: Scene) -> list[int]:
+    """The numbers of the systems that are no tubes."""
+    tubes = {s.id for s in scene.readings.case.setup.system if s.kind == "tube"}
+    return [k for name, k in systems_of(scene).items() if name not in tubes]
 
 
 def contrast(scene: Scene, system: int) -> float:
