@@ -17,7 +17,7 @@ from analysis.explain.thresholds import (
     BASES,
     HOLDS_LAWS,
     NAME_FIRST_BELOW,
-    NAME_SECOND_BELOW,
+    NAME_OF_TWO,
     RUNNER_UP,
     SHOWN,
 )
@@ -98,7 +98,7 @@ def name_two_together(search: Search, found: Conclusion, few: float) -> None:
     told = [h for h in grown if h.evidence - nothing > asked.first(h, found, few)]
     third = max((h.evidence for h in found.singles if not h.wanders), default=nothing)
     told = [h for h in told if h.evidence > third]
-    told = [h for h in told if min(h.evidence - alone.get(m, nothing) for m in h.ids) > NAME_SECOND_BELOW]
+    told = [h for h in told if min(h.evidence - alone.get(m, nothing) for m in h.ids) > NAME_OF_TWO]
     found.best = max(told, key=lambda h: h.evidence, default=found.nothing)
 
 
