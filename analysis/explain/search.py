@@ -27,7 +27,7 @@ from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import CATALOGUE
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.states import terms_of
-from analysis.explain.thresholds import AS_IT_IS, BENDS_AMONG_WAYS, STANDS_IN, TEMPER_ONE
+from analysis.explain.thresholds import ALIKE, AS_IT_IS, BENDS_AMONG_WAYS, STANDS_IN, TEMPER_ONE
 from analysis.explain.wander import Wander, likeliest
 
 X = TypeVar("X")
@@ -202,9 +202,15 @@ class Search:
     def _joined(ways: list[Fit], count: int) -> Hypothesis:
         """Average a mechanism's ways (those not fitted count as hopeless).
 
-        Among them what bends to ripple counts for less by a part only: whichever acts, it is the same name.
+        Among them what bends to ripple counts for less by a part only: whichever acts, it is the same name. What stands
+        in for others is the best only where all other ways are well behind it.
         """
-        best = max(ways, key=lambda f: f.log_evidence + (1.0 - BENDS_AMONG_WAYS) * f.bending)
+
+        def as_way(f: Fit) -> float:
+            stands_in = ALIKE if f.terms[-1].branch.stands_in else 0.0
+            return f.log_evidence + (1.0 - BENDS_AMONG_WAYS) * f.bending - stands_in
+
+        best = max(ways, key=as_way)
         logs = np.array([f.log_evidence for f in ways])
         return Hypothesis(best, float(np.logaddexp.reduce(logs) - np.log(count)), ways=ways)
 
