@@ -11,18 +11,15 @@ from analysis.cases import Case
 from analysis.cases.model import Floats
 from analysis.explain.answer import FORMAT, records_with
 from analysis.explain.found_lenses import FoundLenses, lenses_of
+from analysis.explain.in_own_words import in_own_words
 from analysis.explain.mechanisms.base import Mechanism, Term, predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import in_its_state, terms_of
-from analysis.explain.mechanisms.well import LIKE_LIMIT, BounceTruncation, WallReflectance, WallScatter
 from analysis.explain.noise import USUAL
-from analysis.explain.path_making import OWN
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Retraced, Simulator
 from analysis.explain.scene import Scene, scene_of
-from analysis.explain.settings import DIFFUSE_SHARE
 from analysis.explain.shared_error import SharedError
-from analysis.explain.variants import OF_CASE
 from labdaq.errors import DataError
 
 _SIMULATED = {
@@ -114,7 +111,7 @@ def apply_model(model: Model, case: Case, simulator: Simulator | None = None) ->
     scene = scene_of(case, simulator, measured_only=False)
     readings = scene.readings
     here = {t.system or "" for t in case.tests}
-    entries = [_known_here(e, scene) for e in model.entries if not e.get("only") or here & set(e["only"])]
+    entries = [in_own_words(e, scene) for e in model.entries if not e.get("only") or here & set(e["only"])]
     terms = tuple(_term(entry, scene) for entry in entries)
     theta = np.array([x for entry in entries for x in entry["theta"]])
     sd = np.array([x for entry in entries for x in entry["sd"]])
@@ -133,42 +130,6 @@ def _usual(readings: Readings) -> Floats:
     """Relative standard uncertainty of gain and shape that no explanation removes; shape (N,)."""
     size = {kind: np.sqrt(u.gain**2 + u.shape**2 + u.shape_of_test**2 + u.scatter**2) for kind, u in USUAL.items()}
     return np.array([size[str(k)] for k in readings.kind])
-
-
-def _known_here(entry: dict[str, Any], scene: Scene) -> dict[str, Any]:
-    """What a variant showed in its own words, in those of our own simulation, where this case brings no variant.
-
-    Of a limit of bounces the variant had none: so much of its change is what the limit cut off that this case states,
-    or, where none is stated, that by which as much would be missing. A share that walls scatter is one by any name, and
-    a share of a variant of walls is a reflectance where one system has tests.
-    """
-    limit = scene.readings.case.setup.simulation.max_bounces or entry["facts"].get(LIKE_LIMIT, 0)
-    brought = scene.retraced is not None and entry["id"] in scene.retraced.case_paths
-    if entry["way"].startswith(f"{OF_CASE} wall_reflectance = ") and entry["names"] == ["weight"]:
-        return _of_one_wall(entry, scene)
-    only = "".join(f", {name} only" for name in entry.get("only", []))
-    if brought or not entry["way"].startswith(OF_CASE):
-        return entry
-    if entry["id"] == BounceTruncation.id and entry["names"] == ["weight"] and limit:
-        (parameter,) = BounceTruncation.parameters
-        return {**entry, "way": OWN + only, "names": [parameter.name], "theta": [float(limit)], "sd": [0.0]}
-    if entry["id"] == WallScatter.id and entry["names"][0].endswith("share"):
-        return {**entry, "way": DIFFUSE_SHARE + only, "names": [WallScatter.parameters[0].name]}
-    return entry
-
-
-def _of_one_wall(entry: dict[str, Any], scene: Scene) -> dict[str, Any]:
-    """A share of a variant of several systems' walls, as the reflectance that it comes to where one has tests here."""
-    case, ways = scene.readings.case, {} if scene.retraced is None else scene.retraced.case_paths
-    tested = [s for s in case.setup.system if s.id in {t.system for t in case.tests}]
-    labels = [path.label for path in ways.get(WallReflectance.id, ())]
-    if len(tested) != 1 or tested[0].wall_reflectance is None or any(label == entry["way"] for label in labels):
-        return entry
-    own, other = tested[0].wall_reflectance, float(entry["way"].split(" = ")[1].split(",")[0])
-    (share,), (sd,), (parameter,) = entry["theta"], entry["sd"], WallReflectance.parameters
-    way = next((label for label in labels if label.startswith(f"{OF_CASE}s of {parameter.name}")), tested[0].id)
-    theta, spread = own + share * (other - own), abs(other - own) * sd
-    return {**entry, "way": way, "names": [parameter.name], "theta": [theta], "sd": [spread]}
 
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:
