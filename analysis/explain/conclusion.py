@@ -10,15 +10,14 @@ from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.lens import LensOrientation
 from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
 from analysis.explain.mechanisms.sluggish import Sluggish
+from analysis.explain.odds import LIKELIER, SLOW_OR_LATE
 from analysis.explain.retrace import Path
 from analysis.explain.thresholds import (
     ALIKE,
     DOUBLES,
     IMITATION,
     IMITATION_LENS,
-    LIKELIER,
     SAME,
-    SLOW_OR_LATE,
     SUDDEN,
     SURE,
     SURE_BELOW,

@@ -13,7 +13,7 @@ from analysis.explain.mechanisms.lens import LensOrientation
 from analysis.explain.mechanisms.roof_meters import MeterCosine, MeterTilt
 from analysis.explain.mechanisms.room import RoomInterreflection, StrayLight
 from analysis.explain.mechanisms.sensors import DarkOffset, Nonlinearity
-from analysis.explain.thresholds import (
+from analysis.explain.odds import (
     ARM_OR_LENSES,
     AS_WELL,
     COSINE_OR_BENT,

@@ -9,6 +9,7 @@ from analysis.explain import asked, likelier
 from analysis.explain.conclusion import Conclusion, by_root, temper, traced
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
+from analysis.explain.odds import LIKELIER
 from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
@@ -28,7 +29,6 @@ from analysis.explain.thresholds import (
     LEFT_OVER,
     LENS_ALONE,
     LEVEL_ALONE,
-    LIKELIER,
     MOST_MISFIT,
     OF_THREE,
     OTHER_LENS,

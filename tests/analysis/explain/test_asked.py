@@ -17,6 +17,7 @@ from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.lens import ANY_PATTERN
 from analysis.explain.mechanisms.states import terms_of
+from analysis.explain.odds import LACKED_ODDS
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
@@ -26,7 +27,6 @@ from analysis.explain.thresholds import (
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LACKED,
-    LACKED_ODDS,
     LEAST_EFFECT_FAR_AHEAD,
     LEAST_EFFECT_FIRST,
     MISFIT_LENS,

@@ -13,17 +13,9 @@ from analysis.explain.further import _likeliest
 from analysis.explain.hypers import Hyper
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
+from analysis.explain.odds import LIKELIER, OF_CASE_ODDS, ROOM_OR_LEAK, UNSEEN
 from analysis.explain.scene import Scene
-from analysis.explain.thresholds import (
-    AHEAD,
-    LIKELIER,
-    OF_CASE_ODDS,
-    RELIABLE,
-    ROOM_OR_LEAK,
-    SURE,
-    SURE_BELOW,
-    UNSEEN,
-)
+from analysis.explain.thresholds import AHEAD, RELIABLE, SURE, SURE_BELOW
 from analysis.explain.verdict import decide, first_of
 from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis, on_another_lens

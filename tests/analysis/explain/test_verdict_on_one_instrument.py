@@ -11,16 +11,9 @@ from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.conjectures import CONJECTURES
+from analysis.explain.odds import COSINE_OR_BENT, TILTED_OR_LATE
 from analysis.explain.scene import Scene
-from analysis.explain.thresholds import (
-    COSINE_OR_BENT,
-    EVEN_LENS,
-    RELIABLE,
-    SURE,
-    TEMPER,
-    TEMPER_ONE,
-    TILTED_OR_LATE,
-)
+from analysis.explain.thresholds import EVEN_LENS, RELIABLE, SURE, TEMPER, TEMPER_ONE
 from analysis.explain.verdict import decide, first_of
 from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis, pair_and_rival

@@ -13,20 +13,11 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.sensors import Nonlinearity
 from analysis.explain.mechanisms.states import terms_of
+from analysis.explain.odds import FLATTENS, NEAR_OR_BLURRED, UNSEEN
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.thresholds import (
-    DOUBTFUL,
-    FLATTENS,
-    NEAR_OR_BLURRED,
-    NO_DISC,
-    RELIABLE,
-    SURE,
-    SURE_ALONE,
-    SURE_BELOW,
-    UNSEEN,
-)
+from analysis.explain.thresholds import DOUBTFUL, NO_DISC, RELIABLE, SURE, SURE_ALONE, SURE_BELOW
 from analysis.explain.verdict import decide, first_of, name_the_sure, share_of, share_with_doubles, stand_out
 from tests.analysis.explain import effects
 from tests.analysis.explain.campaign import TESTS, light, make_case
