@@ -21,6 +21,13 @@ from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.mechanisms.well import WallScatter
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
+    EVEN,
+    EVEN_COSINE,
+    EVEN_GAIN,
+    EVEN_LEAST,
+    EVEN_LENS,
+    EVEN_PICTURE,
+    EVEN_READINGS,
     FAR_AHEAD,
     FIRST_BY_LENS,
     HOLDS_LAWS,
@@ -76,6 +83,7 @@ ONE_PATTERN: Final = frozenset({"lens-orientation", "lens-anisotropy"})
 """A prediction that knows no pattern has none that lies wrongly. (Of ten other authors' 844 cases none
 hides both, on one system or on two.)"""
 _POINTING: Final = frozenset({GammaOffset.id, COffset.id})
+_EVEN: Final = {"meter-gain": EVEN_GAIN, ChannelGain.id: EVEN_GAIN, "meter-cosine": EVEN_COSINE}
 
 
 def first(h: Hypothesis, found: Conclusion, few: float) -> float:
@@ -163,7 +171,8 @@ def beside(best: Hypothesis, base: Hypothesis, found: Conclusion, new: str, rand
         return times * NAME_SECOND_LENS + left
     if new == ChannelGain.id and len(base.ids) == 1 and not found.one_instrument and not _outermost(added):
         return NAME_SECOND_ONE
-    return times * _second(added, found, new) + left * open_share
+    least = even(found, new, best) if found.one_instrument else 0.0
+    return times * max(_second(added, found, new), least) + left * open_share
 
 
 def mistaken(base: Hypothesis, new: str, evidence: float, found: Conclusion) -> bool:
@@ -182,6 +191,16 @@ def _second(added: list[Term], found: Conclusion, new: str) -> float:
     if _outermost(added) or any(t.mechanism.stage in _OF_THE_SUN and not t.branch.of_case for t in added):
         return NAME_SECOND_LENS
     return NAME_SECOND_ONE if new == ChannelGain.id else NAME_SECOND_BELOW
+
+
+def even(found: Conclusion, name: str, h: Hypothesis) -> float:
+    """What a name of ``h`` gains on one instrument where it is as likely wrong as right [nats].
+
+    What a prediction has wrong adds up from reading to reading, the less, the less it is wrong beside ``h``.
+    """
+    readings = float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
+    lens = float(np.clip(h.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
+    return _EVEN.get(name, EVEN_PICTURE if found.pictures else EVEN) * readings * lens
 
 
 def least_effect(h: Hypothesis, found: Conclusion) -> float:

@@ -1,7 +1,5 @@
 """The verdict: what the search came to, and how surely each name is right."""
 
-from typing import Final
-
 import numpy as np
 from scipy.special import expit
 
@@ -15,13 +13,6 @@ from analysis.explain.thresholds import (
     ALIKE,
     APART,
     DOUBTFUL,
-    EVEN,
-    EVEN_COSINE,
-    EVEN_GAIN,
-    EVEN_LEAST,
-    EVEN_LENS,
-    EVEN_PICTURE,
-    EVEN_READINGS,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_RANDOM,
@@ -44,8 +35,6 @@ from analysis.explain.thresholds import (
     UNNAMED_ALONE,
     UNNAMED_ALONE_ONE,
 )
-
-_EVEN: Final = {"meter-gain": EVEN_GAIN, "channel-gain": EVEN_GAIN, "meter-cosine": EVEN_COSINE}
 
 
 def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:
@@ -241,10 +230,8 @@ def _probabilities(found: Conclusion) -> None:
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
     nats = found.temper(top)
     rivals = _rivals(found, top, nats)
-    even = _EVEN.get(found.best.first, EVEN_PICTURE if found.pictures else EVEN)
-    even *= float(np.clip(found.readings, *EVEN_READINGS)) / 1000.0
-    even *= float(np.clip(found.best.fit.hyper.lens / EVEN_LENS, EVEN_LEAST, 1.0))
-    nothing = ((even if found.one_instrument else 0.0) - top) / by_root(top, found.nat)
+    even = asked.even(found, found.best.first, found.best) if found.one_instrument else 0.0
+    nothing = (even - top) / by_root(top, found.nat)
     sure = 0.0
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against

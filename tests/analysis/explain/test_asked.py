@@ -24,6 +24,8 @@ from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.thresholds import (
     EACH_NUMBER,
+    EVEN,
+    EVEN_COSINE,
     FIRST_BY_LENS,
     HOLDS_LAWS,
     LACKED,
@@ -353,7 +355,7 @@ def test_what_moves_a_roofs_day_to_one_side_is_not_both_a_clock_and_a_tilt(
     roof: Scene, first: str, further: str
 ) -> None:
     nothing, base = hypothesis(roof, 0.0), hypothesis(roof, 280.0, first)
-    found = Conclusion(base, nothing, [base], one_instrument=True)
+    found = Conclusion(base, nothing, [base], one_instrument=True, readings=100)
     for new, least in ((further, NAME_FIRST_FAR), ("dark-offset", NAME_SECOND)):
         both = hypothesis(roof, 297.0, first, new)
         asked_for = asked.beside(both, base, found, new, random=False)
@@ -483,8 +485,26 @@ def test_what_a_clock_leaves_is_no_azimuth_whichever_came_first(arm: Scene) -> N
 
 def test_a_wrong_split_beside_another_name_must_gain_much_on_a_roof(roof: Scene) -> None:
     late, nothing = hypothesis(roof, 300.0, "clock-offset"), hypothesis(roof, 0.0)
-    found = Conclusion(late, nothing, [late], one_instrument=True)
+    found = Conclusion(late, nothing, [late], one_instrument=True, readings=100)
     left = asked.misfit(late, nothing)
     for new, least in (("sky-sun-ratio", NAME_SECOND_SPLIT), ("dark-offset", NAME_SECOND)):
         both = hypothesis(roof, 340.0, "clock-offset", new)
         assert least <= asked.beside(both, late, found, new, random=False) <= least + left
+
+
+@pytest.mark.parametrize(("readings", "lens", "times"), [(2000, 1.5, 2.0), (2000, 0.75, 1.0), (100, 1.5, 0.0)])
+def test_on_one_instrument_a_further_name_must_gain_what_makes_a_first_as_likely_wrong_as_right(
+    roof: Scene, readings: int, lens: float, times: float
+) -> None:
+    """Where readings are many and the prediction is wrong; a cosine error less. Below a skylight nothing adds up."""
+    late, nothing = hypothesis(roof, 300.0, "clock-offset"), hypothesis(roof, 0.0)
+    found = Conclusion(late, nothing, [late], one_instrument=True, readings=readings)
+    left = asked.misfit(late, nothing)
+    for new, even in (("dark-offset", EVEN), ("meter-cosine", EVEN_COSINE)):
+        both = hypothesis(roof, 340.0, "clock-offset", new)
+        both.fit.hyper = Hyper(1.0, 1.0, lens)
+        least = max(NAME_SECOND, times * even)
+        assert least <= asked.beside(both, late, found, new, random=False) <= least + left
+        found.one_instrument = False
+        assert asked.beside(both, late, found, new, random=False) < NAME_SECOND_LENS + left + 1e-9
+        found.one_instrument = True

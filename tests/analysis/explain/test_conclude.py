@@ -188,7 +188,7 @@ def test_a_set_counts_for_what_it_does_by_the_best_way_to_it(arm: Scene) -> None
 
 
 @pytest.mark.parametrize("form", [0.0, 200.0])
-@pytest.mark.parametrize(("gain", "told"), [(17.0, ("c-offset",)), (30.0, ("cosine-response", "c-offset"))])
+@pytest.mark.parametrize(("gain", "told"), [(9.0, ("c-offset",)), (30.0, ("cosine-response", "c-offset"))])
 def test_each_name_of_a_set_must_gain_beside_the_others(
     arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, told: tuple[str, ...], form: float
 ) -> None:
