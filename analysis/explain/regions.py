@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from analysis.explain.readings import GONIOMETER, Readings
 from labdaq import directions
 
+_UNBENT_DEG = 12.0
+
 
 @dataclass(frozen=True)
 class Region:
@@ -82,7 +84,7 @@ def _rings_and_sectors(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
 
 
 def _beside_the_sun(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
-    """Sides of the sun's image: a turned arm raises one side and lowers the other, wherever the sun stands."""
+    """Sides of the sun's image (a turned arm raises one and lowers the other), and where light goes on unbent."""
     image = 180.0 - r.azimuth_deg[r.test]  # light goes on away from the sun
     if np.any(np.isnan(image[rows])):
         return []
@@ -95,6 +97,10 @@ def _beside_the_sun(r: Readings, rows: NDArray[np.bool_]) -> list[Region]:
     ):
         inside = rows & (turn >= low) & (turn <= high) & (r.gamma_deg > 2.0)
         found.append(Region(name, inside, _where(r, inside)))
+    look = directions.vector(np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
+    travel = -directions.sky_vector(r.altitude_deg, r.azimuth_deg)[r.test]
+    unbent = rows & (directions.angle_between(look, travel) <= _UNBENT_DEG)
+    found.append(Region("where the sun's light would go on unbent", unbent, _where(r, unbent)))
     return found
 
 

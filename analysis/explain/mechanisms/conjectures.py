@@ -11,6 +11,7 @@ from analysis.cases.model import Floats
 from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.misaligned_arm import ArmSag, Backlash, OffCentre, SlippedArm, TiltedAxis
 from analysis.explain.mechanisms.misaligned_camera import TiltedCamera, TurnedCamera
+from analysis.explain.mechanisms.past_the_lens import PastTheLens
 from analysis.explain.mechanisms.shaded import Shaded
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.mechanisms.weathered import Dew, Warming
@@ -123,6 +124,7 @@ CONJECTURES: tuple[Mechanism, ...] = (
     Backlash(),
     SlippedArm(),
     TiltedAxis(),
+    PastTheLens(),
     Crosstalk(),
     SlowSensors(),
     WarmingSensors(),
