@@ -76,7 +76,7 @@ def found_in(content: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _of_the_best(e: Explanation) -> list[dict[str, Any]]:
-    """What is found, surest first; nothing where the verdict names nothing."""
+    """What is found: the first name, then further ones, surest first; nothing where the verdict names nothing."""
     found = e.conclusion
     if found.verdict in {"no-mismatch", "unexplained"}:
         return []
@@ -109,7 +109,7 @@ def _of_the_best(e: Explanation) -> list[dict[str, Any]]:
                 "statement": wander.mechanism.statement(np.array([x for _, (x, _) in sized]), _no_branch()),
             }
         )
-    return sorted(rows, key=lambda row: -float(row["probability"]))
+    return sorted(rows, key=lambda row: (row["id"] != found.best.first, -float(row["probability"])))
 
 
 def _no_branch() -> Any:

@@ -2,15 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from analysis.explain.answer import _of_the_best
 from analysis.explain.conclude import conclude
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.heldout import HeldOut
 from analysis.explain.locate import Mismatch, Scan
-from analysis.explain.mismatch import LOOKING, _shared, explain
+from analysis.explain.mismatch import LOOKING, Explanation, _shared, explain
 from analysis.explain.readings import Readings
 from analysis.explain.regions import Region
 from analysis.explain.scene import Scene
@@ -19,6 +23,7 @@ from labdaq.errors import DataError
 from tests.analysis.commands import Run
 from tests.analysis.explain.campaign import TESTS, make_case
 from tests.analysis.explain.roof import ROOF_TESTS, beam_and_sky, roof_case, sky_case, sun_of
+from tests.analysis.explain.weighed import hypothesis
 
 
 @pytest.mark.parametrize(("ratio", "says"), [(0.5, "50.0% below"), (2.0, "99.9% above"), (0.13, "87.0% below")])
@@ -72,3 +77,12 @@ def test_a_folder_that_is_a_file_is_refused_before_anything_is_worked_out(tmp_pa
     code, _, err = labdaq("explain", tmp_path / "nowhere", "--out", tmp_path / "out")
     assert code == 64 and "is a file" in err
     assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_the_first_name_is_told_first_however_sure_a_further_one_is(arm: Scene) -> None:
+    both = hypothesis(arm, 100.0, "dark-offset", "gamma-offset")
+    both.fit.theta, both.fit.covariance = np.array([5.0, 1.0]), np.eye(2)
+    found = Conclusion(both, hypothesis(arm, 0.0), [], verdict="explained")
+    found.probability = {"dark-offset": 0.88, "gamma-offset": 0.96}
+    told = _of_the_best(cast(Explanation, SimpleNamespace(conclusion=found)))
+    assert [row["id"] for row in told] == ["dark-offset", "gamma-offset"]
