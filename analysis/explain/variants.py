@@ -8,11 +8,12 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats, Variant
-from analysis.explain.fields import Fields, fields_of, from_files
+from analysis.explain.fields import Fields, fields_of, from_files, gamma_step
 from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
+from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
@@ -62,7 +63,7 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
     walls: dict[str, Path] = {}
     idle: list[Path] = []
     told: list[tuple[str, Tells]] = []
-    systems = _tests_of_systems(case)
+    systems, step = _tests_of_systems(case), _gamma_step(case)
     for kind, alone, path in _named(case, _kinds(case, base), systems):
         tells = what_it_tells(readings, base, kind.mechanism, path)
         told.append((kind.mechanism, tells))
@@ -71,9 +72,10 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
             if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
                 idle.append(way)
                 continue
-            paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), way)
+            quiet = without_rays(way, base, step)
+            paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), quiet)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
-                walls[alone] = path
+                walls[alone] = quiet
     if len(walls) == len(systems) > 1:
         paths[_WALLS] = (*paths[_WALLS], _alike(tuple(walls.values())))
     lacks = frozenset(m for m, tells in told if tells is Tells.LACKS)
@@ -86,6 +88,12 @@ def _tests_of_systems(case: Case) -> dict[str, list[int]]:
     for k, test in enumerate(case.tests):
         tests.setdefault(test.system or "", []).append(k)
     return tests
+
+
+def _gamma_step(case: Case) -> float:
+    """How far apart the gammas of the variants' files are [deg]."""
+    files = [parts for variant in case.setup.variant for parts in variant.simulated.values()]
+    return gamma_step(case, files[0]) if files else 0.0
 
 
 def _kinds(case: Case, base: Fields) -> dict[_Kind, list[_Run]]:
