@@ -22,7 +22,7 @@ from analysis.explain.noise import Nuisance
 from analysis.explain.parameter import Parameter
 from analysis.explain.pointing_error import pointing_errors, steepness
 from analysis.explain.prior import Prior
-from analysis.explain.ray_noise import ray_noise
+from analysis.explain.ray_noise import own_rays, ray_noise
 from analysis.explain.scene import Scene
 from analysis.explain.sky_error import sky_error_effects
 from analysis.explain.thresholds import EACH_NUMBER, FEW_NUMBERS
@@ -124,7 +124,7 @@ class Fitter:
         effects = np.concatenate(
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
-        hung = pointing_errors, arm_errors, sensor_angle_errors, haze_errors, ray_noise, errors_of_all_days
+        hung = pointing_errors, arm_errors, sensor_angle_errors, haze_errors, ray_noise, own_rays, errors_of_all_days
         usual = np.concatenate([scene.remember(f) for f in hung], axis=1)
         alone = np.hypot(scene.remember(moment_error), 0.0 if scene.alone is None else scene.alone)
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), alone, usual)

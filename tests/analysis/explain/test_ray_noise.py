@@ -1,13 +1,18 @@
 """The rays of the case's simulation scatter; variants that change nothing tell how."""
 
+from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
 import pytest
 
+from analysis.explain.fields import C_DEG, GAMMA_DEG, Fields
 from analysis.explain.fit import Fitter
-from analysis.explain.ray_noise import USUAL, ray_noise
+from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.ray_noise import USUAL, own_rays, ray_noise
+from analysis.explain.sampler import Sampler
+from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from tests.analysis.explain.campaign import Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import Run, turned, varied, wider
@@ -70,3 +75,49 @@ def test_the_rays_that_such_runs_show_are_no_scatter_of_the_readings(tmp_path: P
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("analysis.explain.fit.ray_noise", lambda scene: np.zeros((len(scene.readings), 0)))
         assert with_them > 20.0 + Search(Fitter(scene)).nothing().evidence
+
+
+def _scattered(folder: Path, sd: float) -> tuple[Scene, Floats]:
+    """A case whose files and records hold rays that the recording does not; and by how much each record does."""
+    scene = varied(folder)
+    r, rng = scene.readings, np.random.default_rng(5)
+    errors = sd * rng.standard_normal((len(r.case.tests), len(C_DEG), len(GAMMA_DEG)))
+    errors[:, :, 0] = errors[:, :1, 0]
+    noisy = Fields(scene.fields.sun * np.exp(errors), scene.fields.sky * np.exp(errors))
+    at = Sampler(r.test, r.gamma_deg, r.c_deg)
+    seen = at(noisy.total) / at(scene.fields.total)
+    other = replace(r, simulated=r.simulated * seen, sun=r.sun * seen, sky=r.sky * seen)
+    made = Scene(other)
+    made.__dict__["fields"] = noisy
+    return made, np.asarray(seen - 1.0)
+
+
+def test_a_file_s_directions_tell_what_its_rays_have_wrong(tmp_path: Path) -> None:
+    """Each against its neighbours in gamma: half of the variance; smooth images have none."""
+    scene, errors = _scattered(tmp_path / "c", 0.012)
+    r = scene.readings
+    (effect,) = own_rays(scene).T
+    inside = (r.gamma_deg > 2.0) & (r.gamma_deg < 80.0)
+    assert np.corrcoef(effect[inside], -errors[inside])[0, 1] > 0.6
+    assert own_rays(_scattered(tmp_path / "smooth", 0.0)[0]).shape[1] == 0
+
+
+def test_what_evens_out_a_prediction_s_rays_gains_nothing_by_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recording that differs by the prediction's rays alone: an arm that points between two directions has less."""
+    scene, _ = _scattered(tmp_path / "c", 0.02)
+    gains = []
+    for knows in (True, False):
+        if not knows:
+            monkeypatch.setattr("analysis.explain.fit.own_rays", lambda scene: np.zeros((len(scene.readings), 0)))
+        search = Search(Fitter(_again_begun(scene)), mechanisms=[BY_ID["gamma-offset"]], conjectures=())
+        gains.append(search.singles()[0].evidence - search.nothing().evidence)
+    assert gains[0] < 6.0 < gains[1]
+
+
+def _again_begun(scene: Scene) -> Scene:
+    """The same scene with nothing worked out yet."""
+    other = replace(scene, memory={}, lit={}, of_rows={})
+    other.__dict__["fields"] = scene.fields
+    return other
