@@ -42,19 +42,27 @@ def ray_noise(scene: Scene) -> Floats:
 
 def own_rays(scene: Scene) -> Floats:
     """Unit effect (N, 1) on the stretched scale of the rays that the files' directions show, (N, 0) if they do not."""
+    r = scene.readings
+    effect = scene.remember_rows(evened_rays) * np.abs(r.measured) / r.scale
+    return effect[:, None] if np.any(effect) else np.zeros((len(r), 0))
+
+
+def evened_rays(scene: Scene) -> Floats:
+    """Relative change (N,) of the predictions where the rays of each file's directions are evened out.
+
+    Each is put on the parabola through its neighbours in gamma; zero for records whose test brings no file.
+    """
     r, files = scene.readings, [t.simulated for t in scene.readings.case.tests]
     told = next((parts for parts in files if parts is not None), None)
     if told is None or not np.any(scene.is_gonio):
-        return np.zeros((len(r), 0))
+        return np.zeros(len(r))
     stride = max(round(gamma_step(r.case, told) / float(GAMMA_DEG[1])), 1)
-    given = np.array([parts is not None for parts in files])
-    fields = scene.fields
+    given, fields = np.array([parts is not None for parts in files]), scene.fields
     even = [np.where(given[:, None, None], _evened(part, stride), part) for part in (fields.sun, fields.sky)]
     at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
     here = at(fields.total)
     effect = np.divide(at(even[0] + even[1]), here, out=np.ones(len(r)), where=here > 0.0) - 1.0
-    effect = np.where(scene.is_gonio, np.clip(effect, -_MOST, _MOST), 0.0)
-    return (effect * np.abs(r.measured) / r.scale)[:, None] if np.any(effect) else np.zeros((len(r), 0))
+    return np.where(scene.is_gonio, np.clip(effect, -_MOST, _MOST), 0.0)
 
 
 def _evened(part: Floats, stride: int) -> Floats:

@@ -18,6 +18,7 @@ from analysis.explain.hypers import Hyper
 from analysis.explain.lens_error import lens_error_of_systems
 from analysis.explain.nearness import nearness
 from analysis.explain.noise import GAIN_OF_SENSORS, USUAL
+from analysis.explain.ray_noise import evened_rays, own_rays
 from analysis.explain.readings import GONIOMETER
 from analysis.explain.scene import Scene
 from labdaq import directions
@@ -40,11 +41,14 @@ class SharedError:
         Channel's id to its gain's error.
     lens
         System's id and kind of error of its lens (`analysis.explain.lens_error`) to its size, in usual ones.
+    rays
+        Share of what its files' directions scatter by about their neighbours that a prediction is better without.
     """
 
     systems: dict[str, Floats]
     sensors: dict[str, float]
     lens: dict[str, dict[str, float]] = field(default_factory=dict)
+    rays: float = 0.0
 
     def at(self, scene: Scene) -> Floats:
         """Relative error of each row's prediction; shape (N,); zero for systems and sensors that were not fitted."""
@@ -54,7 +58,8 @@ class SharedError:
         for name, table in self.systems.items():
             rows = np.flatnonzero(np.array([n == name for n in names])[r.test] & (r.kind == GONIOMETER))
             found[rows] += _read(table, np.nan_to_num(r.gamma_deg[rows]), np.nan_to_num(r.c_deg[rows]))
-        return np.asarray(found + self._of_lens(scene))
+        rays = self.rays * scene.remember_rows(evened_rays) if self.rays else 0.0
+        return np.asarray(found + self._of_lens(scene) + rays)
 
     def _of_lens(self, scene: Scene) -> Floats:
         """What a lens has wrong in the sun's frame; on the flank of a sharp image no more than a bound is believed."""
@@ -71,6 +76,7 @@ class SharedError:
             "systems": {name: np.round(table, 5).tolist() for name, table in self.systems.items()},
             "sensors": {name: round(gain, 5) for name, gain in self.sensors.items()},
             "lens": {name: {kind: round(x, 4) for kind, x in sizes.items()} for name, sizes in self.lens.items()},
+            "rays": round(self.rays, 4),
         }
 
     @classmethod
@@ -80,7 +86,8 @@ class SharedError:
         if any(table.shape != (len(C_DEG), len(GAMMA_DEG)) for table in systems.values()):
             raise ValueError("a table of another grid")
         lens = {str(k): {str(kind): float(x) for kind, x in v.items()} for k, v in told["lens"].items()}
-        return cls(systems, {str(k): float(v) for k, v in told["sensors"].items()}, lens)
+        sensors = {str(k): float(v) for k, v in told["sensors"].items()}
+        return cls(systems, sensors, lens, float(told.get("rays", 0.0)))  # those of earlier versions tell none
 
 
 def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Extra, ...] = ()) -> SharedError:
@@ -104,7 +111,7 @@ def shared_error(fitter: Fitter, residual: Floats, hyper: Hyper, extra: tuple[Ex
     lens: dict[str, dict[str, float]] = {}
     for (system, kind), effect in lens_error_of_systems(fitter.scene).items():
         lens.setdefault(system, {})[kind] = hyper.lens**2 * float(effect @ weights)
-    return SharedError(systems, sensors, lens)
+    return SharedError(systems, sensors, lens, float(np.sum(own_rays(fitter.scene).T @ weights)))
 
 
 def _read(table: Floats, gamma_deg: Floats, c_deg: Floats) -> Floats:

@@ -14,6 +14,7 @@ from analysis.explain.ray_noise import USUAL, own_rays, ray_noise
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.shared_error import SharedError, shared_error
 from tests.analysis.explain.campaign import Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import Run, turned, varied, wider
 
@@ -121,3 +122,19 @@ def _again_begun(scene: Scene) -> Scene:
     other = replace(scene, memory={}, lit={}, of_rows={})
     other.__dict__["fields"] = scene.fields
     return other
+
+
+def test_other_tests_are_predicted_without_the_rays_that_were_seen(tmp_path: Path) -> None:
+    """What the fitted tests say of their files' rays holds for the same simulation's other files."""
+    scene, errors = _scattered(tmp_path / "c", 0.02)
+    fitter = Fitter(scene)
+    nothing = Search(fitter, mechanisms=[], conjectures=()).nothing()
+    shared = shared_error(fitter, nothing.fit.residual, nothing.fit.hyper)
+    assert 0.2 < shared.rays < 1.2  # what a lens has wrong, as blurs of the same files, takes some of it
+    told = SharedError.of(shared.told())
+    assert told.rays == pytest.approx(shared.rays, abs=1e-3)
+    inside = (scene.readings.gamma_deg > 2.0) & (scene.readings.gamma_deg < 80.0)
+    left, without = (np.std((errors + x.at(scene))[inside]) for x in (told, replace(told, rays=0.0)))
+    assert left < 0.85 * np.std(errors[inside])
+    assert left < without
+    assert SharedError.of({k: v for k, v in shared.told().items() if k != "rays"}).rays == 0.0
