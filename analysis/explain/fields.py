@@ -82,13 +82,15 @@ def from_files(case: Case, parts: Parts) -> tuple[Floats, Floats]:
     return (grid(parts.total), grid(None)) if parts.total and not parts.sun else (grid(parts.sun), grid(parts.sky))
 
 
-def gamma_step(case: Case, parts: Parts) -> float:
-    """How far apart the gammas of an .ies file are [deg], in the middle."""
+def steps_of_file(case: Case, parts: Parts) -> tuple[float, float]:
+    """How far apart the gammas and the planes of an .ies file are [deg], in the middle."""
     from analysis.photometry.lm63 import read_lm63
 
     name = parts.sun or parts.total or parts.sky
     assert name is not None
-    return float(np.median(np.diff(read_lm63(case.folder / name).distribution.gamma_deg)))
+    of = read_lm63(case.folder / name).distribution
+    around = float(np.median(np.diff(of.c_deg))) if len(of.c_deg) > 1 else 360.0
+    return float(np.median(np.diff(of.gamma_deg))), around
 
 
 def _from_rows(gamma_deg: Floats, c_deg: Floats, candela: Floats) -> Floats:

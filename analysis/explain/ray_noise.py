@@ -12,13 +12,14 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
-from analysis.explain.fields import GAMMA_DEG, gamma_step
+from analysis.explain.fields import C_DEG, GAMMA_DEG, steps_of_file
 from analysis.explain.idle import by_rays_alone, changes_by
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
-from analysis.explain.variant_rays import LEAST, scatter
+from analysis.explain.variant_rays import LEAST, scatter, scatter_around
 
 USUAL: Final = 0.6
 """Usual share of the variants' mean change that the prediction's own rays have wrong: of K variants, K/(K + 1)."""
@@ -27,6 +28,8 @@ SHARED: Final = 0.2
 _SAME: Final = 0.999
 _EVEN: Final = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 """Weights of a parabola through five neighbours at the middle one: Savitzky and Golay 1964, Anal. Chem. 36, 1627."""
+_NO_IMAGES: Final = 1.3
+"""Planes that scatter about each other no more than so many times as gammas do are of rays alone."""
 _MOST: Final = 0.2
 _BRIGHT: Final = 0.003
 """Share of the brightest direction above which rays are counted."""
@@ -50,34 +53,60 @@ def own_rays(scene: Scene) -> Floats:
 def evened_rays(scene: Scene) -> Floats:
     """Relative change (N,) of the predictions where the rays of each file's directions are evened out.
 
-    Each is put on the parabola through its neighbours in gamma; zero for records whose test brings no file.
+    Zero for records whose test brings no file.
     """
     r, files = scene.readings, [t.simulated for t in scene.readings.case.tests]
     told = next((parts for parts in files if parts is not None), None)
     if told is None or not np.any(scene.is_gonio):
         return np.zeros(len(r))
-    stride = max(round(gamma_step(r.case, told) / float(GAMMA_DEG[1])), 1)
+    gammas, planes = (
+        max(round(step / float(grid[1])), 1)
+        for step, grid in zip(steps_of_file(r.case, told), (GAMMA_DEG, C_DEG), strict=True)
+    )
     given, fields = np.array([parts is not None for parts in files]), scene.fields
-    even = [np.where(given[:, None, None], _evened(part, stride), part) for part in (fields.sun, fields.sky)]
+    even = [np.where(given[:, None, None], _evened(part, gammas, planes), part) for part in (fields.sun, fields.sky)]
     at = Sampler(r.test, np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg))
     here = at(fields.total)
     effect = np.divide(at(even[0] + even[1]), here, out=np.ones(len(r)), where=here > 0.0) - 1.0
     return np.where(scene.is_gonio, np.clip(effect, -_MOST, _MOST), 0.0)
 
 
-def _evened(part: Floats, stride: int) -> Floats:
-    """A part's fields (T, P, G) with each direction on the parabola through its neighbours in gamma, in logarithms."""
-    even, span = part.copy(), part.shape[-1] - 4 * stride
+def _evened(part: Floats, gammas: int, planes: int) -> Floats:
+    """A part's fields (T, P, G) with each direction on parabolas through its neighbours, in logarithms.
+
+    Neighbours are so many steps apart; those in C are taken as well where they scatter no more than those in gamma,
+    as rays do and images do not.
+    """
+    even = part.copy()
     for test, light in enumerate(part):
         bright = light > _BRIGHT * float(light.max(initial=0.0))
         log = np.log(np.where(bright, light, 1.0))
-        if scatter(log, bright, stride) < LEAST:
+        rays = scatter(log, bright, gammas)
+        if rays < LEAST:
             continue
-        steps = [slice(stride * k, stride * k + span) for k in range(5)]
-        seen = np.all([bright[:, s] for s in steps], axis=0)
-        smooth = sum(w * log[:, s] for w, s in zip(_EVEN, steps, strict=True))
-        even[test][:, steps[2]] = np.where(seen, np.exp(smooth), light[:, steps[2]])
+        smooth = _along_gamma(log, bright, gammas)
+        if scatter_around(log, bright, planes) < _NO_IMAGES * rays:
+            smooth = _around(smooth, bright, planes)
+        even[test] = np.where(bright, np.exp(smooth), light)
     return even
+
+
+def _along_gamma(log: Floats, bright: NDArray[np.bool_], stride: int) -> Floats:
+    """Logarithms (P, G) on parabolas through five gammas, where all of these are bright."""
+    made, span = log.copy(), log.shape[1] - 4 * stride
+    steps = [slice(stride * k, stride * k + span) for k in range(5)]
+    seen = np.all([bright[:, s] for s in steps], axis=0)
+    smooth = sum(w * log[:, s] for w, s in zip(_EVEN, steps, strict=True))
+    made[:, steps[2]] = np.where(seen, smooth, log[:, steps[2]])
+    return made
+
+
+def _around(log: Floats, bright: NDArray[np.bool_], stride: int) -> Floats:
+    """The same through five planes."""
+    steps = [stride * (k - 2) for k in range(5)]
+    seen = np.all([np.roll(bright, s, axis=0) for s in steps], axis=0)
+    smooth = sum(w * np.roll(log, s, axis=0) for w, s in zip(_EVEN, steps, strict=True))
+    return np.where(seen, smooth, log)
 
 
 def _again(scene: Scene) -> Floats:

@@ -66,5 +66,13 @@ def scatter(change: Floats, bright: NDArray[np.bool_], stride: int) -> float:
     return _spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
 
 
+def scatter_around(change: Floats, bright: NDArray[np.bool_], stride: int) -> float:
+    """The same from one of the file's planes to the next."""
+    seen = np.all([np.roll(bright, -stride * k, axis=0) for k in range(4)], axis=0)
+    third = sum(f * np.roll(change, -stride * k, axis=0) for k, f in enumerate(_THIRD))
+    seen[:, 0] = False  # at nadir all planes are one direction
+    return _spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
+
+
 def _spread(values: Floats) -> float:
     return float(np.median(np.abs(values - np.median(values)))) / _NORMAL

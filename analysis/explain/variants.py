@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.cases import Case
 from analysis.cases.model import Floats, Variant
-from analysis.explain.fields import Fields, fields_of, from_files, gamma_step
+from analysis.explain.fields import Fields, fields_of, from_files, steps_of_file
 from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
@@ -93,7 +93,7 @@ def _tests_of_systems(case: Case) -> dict[str, list[int]]:
 def _gamma_step(case: Case) -> float:
     """How far apart the gammas of the variants' files are [deg]."""
     files = [parts for variant in case.setup.variant for parts in variant.simulated.values()]
-    return gamma_step(case, files[0]) if files else 0.0
+    return steps_of_file(case, files[0])[0] if files else 0.0
 
 
 def _kinds(case: Case, base: Fields) -> dict[_Kind, list[_Run]]:
