@@ -10,7 +10,7 @@ import pytest
 from analysis.explain.fields import C_DEG, GAMMA_DEG, Fields
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.catalogue import BY_ID
-from analysis.explain.ray_noise import USUAL, own_rays, ray_noise
+from analysis.explain.ray_noise import USUAL, _evened, own_rays, ray_noise
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
@@ -138,3 +138,16 @@ def test_other_tests_are_predicted_without_the_rays_that_were_seen(tmp_path: Pat
     assert left < 0.85 * np.std(errors[inside])
     assert left < without
     assert SharedError.of({k: v for k, v in shared.told().items() if k != "rays"}).rays == 0.0
+
+
+def test_sharp_images_are_no_rays() -> None:
+    """Off parabolas through five directions, too, but neighbours alike."""
+    rng = np.random.default_rng(2)
+    gamma, c = np.meshgrid(GAMMA_DEG, C_DEG)
+    images = 1.0 + 8.0 * np.exp(-0.5 * (((gamma - 31.0) / 3.5) ** 2 + ((c - 120.0) / 25.0) ** 2))
+    images += 5.0 * np.exp(-0.5 * (((gamma - 52.0) / 3.5) ** 2 + ((c - 200.0) / 25.0) ** 2))
+    rough = images * np.exp(0.01 * rng.standard_normal(images.shape))
+    evened = [_evened(field[None], 1, 1)[0] for field in (images, rough)]
+    assert np.array_equal(evened[0], images)
+    off = [np.std(np.log(field / images)[:, 3:-3]) for field in (evened[1], rough)]
+    assert off[0] < off[1]
