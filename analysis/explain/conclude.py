@@ -12,6 +12,7 @@ from analysis.explain.conclusion import Conclusion, Unnamed, ends_softly
 from analysis.explain.families import SCAN_ORDER, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.further import grow, name_two_together, wandering_beside
+from analysis.explain.heldout import HeldOut, held_out
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
@@ -24,7 +25,7 @@ from analysis.explain.thresholds import (
     TEMPER_ONE,
 )
 from analysis.explain.told_pattern import with_its_pattern
-from analysis.explain.verdict import decide, first_of, name_the_sure, share_with_doubles
+from analysis.explain.verdict import decide, first_of, name_the_sure, no_better, share_with_doubles
 
 
 def conclude(search: Search) -> Conclusion:
@@ -59,6 +60,7 @@ def conclude(search: Search) -> Conclusion:
     _look_for_unnamed(search, found)
     decide(found, few)
     found = _only_the_sure(search, found)
+    _what_others_bear_out(search, found)
     state(found)
     share_with_doubles(found)
     if found.best.ids:
@@ -89,6 +91,32 @@ def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:
     found.best = with_its_pattern(search, found.best)
     _look_for_unnamed(search, found)
     return found
+
+
+def _what_others_bear_out(search: Search, found: Conclusion) -> None:
+    """Withdraw names by which tests that are left out are predicted no better; the first alone stays if it does better.
+
+    (Of other authors' names below skylights six sets were so, since what they say: five were wrong.)
+    """
+    found.outside = _left_out(search, found.kept)
+    if found.one_instrument or found.kept is found.nothing or not no_better(found.outside):
+        return
+    first = found.best.first
+    alone = next((h for h in found.singles if h.ids == (first,) != found.best.ids and h.fit.ids), None)
+    outside = None if alone is None else _left_out(search, alone)
+    found.trail.append("tests that are left out are predicted no better")
+    if alone is None or outside is None or no_better(outside):
+        found.verdict = "unexplained"
+        found.outside = _left_out(search, found.nothing)
+        return
+    found.best, found.verdict, found.outside = alone, "partly-explained", outside
+    found.probability = {first: found.probability[first]}
+    found.indistinguishable = [pair for pair in found.indistinguishable if first in pair]
+    _look_for_unnamed(search, found)
+
+
+def _left_out(search: Search, h: Hypothesis) -> HeldOut | None:
+    return held_out(search.scene, h.fit.terms, h.fit.theta, h.fit.hyper)
 
 
 def _widen(search: Search, found: Conclusion) -> None:

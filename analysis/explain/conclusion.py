@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.explain.families import UNREST
+from analysis.explain.heldout import HeldOut
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.lens import LensOrientation
@@ -95,6 +96,8 @@ class Conclusion:
         How probable a name is beside others, among all that could have been added to those.
     contradicted, shown
         Random effects that repeated readings speak against (and how), and those that they show by themselves.
+    outside
+        How tests that were left out are predicted by what is kept.
     """
 
     best: Hypothesis
@@ -120,6 +123,7 @@ class Conclusion:
     trail: list[str] = field(default_factory=list)
     contradicted: dict[str, str] = field(default_factory=dict)
     shown: set[str] = field(default_factory=set)
+    outside: HeldOut | None = None
 
     @property
     def kept(self) -> Hypothesis:

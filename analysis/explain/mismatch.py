@@ -15,7 +15,7 @@ from analysis.explain.condense import condensed
 from analysis.explain.fit import Extra, Fit, Fitter
 from analysis.explain.forensics import forensics
 from analysis.explain.form_error import form_error
-from analysis.explain.heldout import HeldOut, deviations, held_out, rms
+from analysis.explain.heldout import HeldOut, deviations, rms
 from analysis.explain.hypers import Hyper
 from analysis.explain.locate import Mismatch, Scan
 from analysis.explain.mechanisms.base import predict
@@ -103,8 +103,6 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
     stand_out(found, [m.p_value for m in mismatch])
     kept = found.kept
     best = kept.fit
-    progress("predicting what was not fitted")
-    outside = held_out(scene, best.terms, best.theta, best.hyper)
     corrected = predict(scene, best.terms, best.theta)
     if simulator is not None:
         progress("simulating again with what was found")
@@ -127,10 +125,10 @@ def _explain(case: Case, simulator: Simulator | None, progress: Callable[[str], 
         after=rms(deviations(readings, corrected)),
         chi2_before=float(usual.squares(null[:, None])[0]) / len(readings),
         chi2_after=float(beside.squares(best.residual[:, None])[0]) / dof,
-        held_out=outside,
+        held_out=found.outside,
         not_tried=search.not_tried,
         again=again,
-        shared=_shared(fitter, best, extra, outside),
+        shared=_shared(fitter, best, extra, found.outside),
     )
 
 

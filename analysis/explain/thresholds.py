@@ -243,6 +243,11 @@ PLACED = 1e-7
 """Below a skylight a place that differs is something, whatever evidence says, if looking everywhere would find one by
 chance less often than this. (Of 30 skylights by three other authors where nothing was left out the least was 9e-6; a
 glint of 31 % in five sensors had 1e-10 and no evidence.)"""
+WORSE, HALF_WORSE, AS_BADLY = 1.01, 0.5, 0.95
+"""A left-out test is predicted worse if its error grows by more than this; where such a share of them is, and all
+together err by more than that share of what they did, what was found says nothing of other tests. (So were five wrong
+sets of names on skylights by eleven other authors, and none of 183 right ones; three right ones made half of the tests
+worse, and all together better by an eighth and more. On roofs one of 45 right ones was so.)"""
 LEVEL_ALONE = 0.06
 """On a roof a recording whose middle reading is off by more than this share agrees with nothing. (Second instruments
 and models of the sky that four other authors made differed by less, one meter 8 % off had been called an agreement.)"""

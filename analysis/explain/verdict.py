@@ -5,6 +5,7 @@ from scipy.special import expit
 
 from analysis.explain import asked, likelier
 from analysis.explain.conclusion import Conclusion, by_root, temper, traced
+from analysis.explain.heldout import HeldOut
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.odds import LIKELIER
@@ -12,7 +13,9 @@ from analysis.explain.thresholds import (
     AHEAD,
     ALIKE,
     APART,
+    AS_BADLY,
     DOUBTFUL,
+    HALF_WORSE,
     LEAST_ROUGH,
     LEFT_OF_LENS,
     LEFT_OF_RANDOM,
@@ -34,6 +37,7 @@ from analysis.explain.thresholds import (
     UNNAMED,
     UNNAMED_ALONE,
     UNNAMED_ALONE_ONE,
+    WORSE,
 )
 
 
@@ -89,6 +93,14 @@ def decide(found: Conclusion, few: float) -> None:
 
 def _is_sure(found: Conclusion) -> bool:
     return min(found.probability.values()) >= found.sure
+
+
+def no_better(outside: HeldOut | None) -> bool:
+    """Whether tests that were left out are predicted no better: half of them worse, and all together as badly."""
+    if outside is None or len(outside.groups) < 2:
+        return False
+    worse = [after > WORSE * before for _, before, after in outside.groups]
+    return sum(worse) >= HALF_WORSE * len(worse) and outside.after > AS_BADLY * outside.before
 
 
 def stand_out(found: Conclusion, p_values: list[float]) -> None:

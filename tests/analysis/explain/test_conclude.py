@@ -12,6 +12,8 @@ from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import Fitter
 from analysis.explain.further import Beside, grow, wandering_beside
+from analysis.explain.heldout import HeldOut
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
@@ -22,7 +24,7 @@ from analysis.explain.thresholds import (
     HOLDS_LAWS,
     TEMPER_ONE,
 )
-from analysis.explain.verdict import decide
+from analysis.explain.verdict import decide, no_better
 from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis
 
@@ -213,3 +215,46 @@ def test_each_name_of_a_set_must_gain_beside_the_others(
     found = Conclusion(strong, nothing, [strong, weak])
     grow(search, found)
     assert found.best.ids == told
+
+
+def _outside(*after: float) -> HeldOut:
+    """Tests that were off by 1, and what they are off by afterwards."""
+    return HeldOut(
+        "leave-one-test-out", 1.0, float(np.mean(after)), tuple((f"T{k}", 1.0, x) for k, x in enumerate(after))
+    )
+
+
+@pytest.mark.parametrize(
+    ("after", "says"), [((1.2, 1.1, 0.9), True), ((1.2, 0.9, 0.9), False), ((1.1, 1.1, 0.5), False), ((1.3,), False)]
+)
+def test_what_predicts_left_out_tests_no_better_is_told_by_most_and_by_all(
+    after: tuple[float, ...], says: bool
+) -> None:
+    assert no_better(_outside(*after)) == says
+    assert not no_better(None)
+
+
+@pytest.mark.parametrize("first_holds", [True, False])
+def test_names_that_left_out_tests_do_not_bear_out_are_withdrawn(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, first_holds: bool
+) -> None:
+    """The first name stays alone if the others were to blame; of one instrument nothing is withdrawn."""
+    search, nothing = Search(Fitter(arm), mechanisms=[], conjectures=()), hypothesis(arm, 0.0)
+    alone, both = hypothesis(arm, 90.0, "dark-offset"), hypothesis(arm, 120.0, "dark-offset", "gamma-offset")
+    worse, better = _outside(1.3, 1.2), _outside(0.5, 0.6)
+
+    def left_out(_: Search, h: Hypothesis) -> HeldOut:
+        return better if h is nothing or (h is alone and first_holds) else worse
+
+    monkeypatch.setattr(conclusions, "_left_out", left_out)
+    monkeypatch.setattr(conclusions, "_look_for_unnamed", lambda *_: None)
+    for one_instrument in (False, True):
+        found = Conclusion(both, nothing, [alone], verdict="explained", one_instrument=one_instrument)
+        found.probability = {"dark-offset": 0.9, "gamma-offset": 0.8}
+        conclusions._what_others_bear_out(search, found)
+        if one_instrument:
+            assert (found.best, found.verdict) == (both, "explained")
+        elif first_holds:
+            assert (found.best, found.verdict, found.probability) == (alone, "partly-explained", {"dark-offset": 0.9})
+        else:
+            assert (found.verdict, found.outside) == ("unexplained", better)
