@@ -89,8 +89,8 @@ def steps_of_file(case: Case, parts: Parts) -> tuple[float, float]:
     name = parts.sun or parts.total or parts.sky
     assert name is not None
     of = read_lm63(case.folder / name).distribution
-    around = float(np.median(np.diff(of.c_deg))) if len(of.c_deg) > 1 else 360.0
-    return float(np.median(np.diff(of.gamma_deg))), around
+    gamma, c = (np.diff(angles) if len(angles) > 1 else np.array([360.0]) for angles in (of.gamma_deg, of.c_deg))
+    return float(np.median(gamma)), float(np.median(c))
 
 
 def _from_rows(gamma_deg: Floats, c_deg: Floats, candela: Floats) -> Floats:

@@ -99,6 +99,8 @@ def _evened(part: Floats, gammas: int, planes: int) -> Floats:
 def _along_gamma(log: Floats, bright: NDArray[np.bool_], stride: int) -> Floats:
     """Logarithms (P, G) on parabolas through five gammas, where all of these are bright."""
     made, span = log.copy(), log.shape[1] - 4 * stride
+    if span < 1:
+        return made
     steps = [slice(stride * k, stride * k + span) for k in range(5)]
     seen = np.all([bright[:, s] for s in steps], axis=0)
     smooth = sum(w * log[:, s] for w, s in zip(_EVEN, steps, strict=True))

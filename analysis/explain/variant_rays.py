@@ -60,6 +60,8 @@ def _smooth(ratio: Floats, light: Floats, stride: int) -> Floats:
 
 def scatter(change: Floats, bright: NDArray[np.bool_], stride: int) -> float:
     """Scatter of a logarithmic change (P, G) from one gamma of the file to the next, by its third differences."""
+    if 3 * stride >= change.shape[1]:  # directions so far apart tell nothing of rays
+        return 0.0
     steps = [change[:, stride * k : change.shape[1] - stride * (3 - k)] for k in range(4)]
     seen = np.all([bright[:, stride * k : change.shape[1] - stride * (3 - k)] for k in range(4)], axis=0)
     third = sum(f * s for f, s in zip(_THIRD, steps, strict=True))

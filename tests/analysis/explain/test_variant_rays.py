@@ -8,10 +8,11 @@ import pytest
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.ray_noise import _along_gamma
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.variant_rays import LEAST, NO_MORE, _smooth, scatter
+from analysis.explain.variant_rays import LEAST, NO_MORE, _smooth, scatter, scatter_around
 from analysis.explain.variants import _divided
 from tests.analysis.explain.campaign import TESTS, Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import varied
@@ -79,3 +80,11 @@ def test_what_rays_a_variant_has_is_no_reason_for_its_name(tmp_path: Path, monke
         gains.append(search.singles()[0].evidence - search.nothing().evidence)
     assert gains[0] < 4.0
     assert gains[1] > 20.0
+
+
+@pytest.mark.parametrize("stride", [9, 10, 13, 40])
+def test_of_files_with_few_directions_nothing_is_told(stride: int) -> None:
+    """Between gammas 22.5° apart rays are not told from images, and nothing is evened out."""
+    assert scatter(RAYS, BRIGHT, stride) < np.inf
+    assert np.array_equal(_along_gamma(RAYS, BRIGHT, max(stride, 10)), RAYS)
+    assert scatter_around(RAYS, BRIGHT, 72) == 0.0
