@@ -19,7 +19,7 @@ from analysis.explain.fields import C_DEG, GAMMA_DEG, steps_of_file
 from analysis.explain.idle import by_rays_alone, changes_by
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
-from analysis.explain.variant_rays import LEAST, scatter, scatter_around
+from analysis.explain.variant_rays import LEAST, scatter, scatter_around, spread
 
 USUAL: Final = 0.6
 """Usual share of the variants' mean change that the prediction's own rays have wrong: of K variants, K/(K + 1)."""
@@ -112,7 +112,7 @@ def _neighbours_agree(off: Floats, bright: NDArray[np.bool_], stride: int) -> bo
     """Whether what is off the parabolas (P, G) is of images: next to each other rays are off to either side."""
     seen = bright & (off != 0.0)
     pairs = seen[:, stride:] & seen[:, :-stride]
-    bound = 3.0 * float(np.median(np.abs(off[seen]))) / 0.6745 if np.any(pairs) else 0.0
+    bound = 3.0 * spread(off[seen]) if np.any(pairs) else 0.0
     one, other = (np.clip(x[pairs], -bound, bound) for x in (off[:, stride:], off[:, :-stride]))
     return float(np.sum(one * other)) > _OF_RAYS * float(np.sum(one**2))
 

@@ -53,7 +53,7 @@ def _smooth(ratio: Floats, light: Floats, stride: int) -> Floats:
     for width in WIDTHS_DEG:
         old, new = blurred(light[None], width)[0], blurred((light * ratio)[None], width)[0]
         even = np.divide(new, old, out=ratio.copy(), where=old > 0.0)
-        if _spread((change - np.log(np.maximum(even, 1e-3)))[bright]) < NO_MORE * rays:
+        if spread((change - np.log(np.maximum(even, 1e-3)))[bright]) < NO_MORE * rays:
             return np.asarray(even)
     return ratio
 
@@ -65,7 +65,7 @@ def scatter(change: Floats, bright: NDArray[np.bool_], stride: int) -> float:
     steps = [change[:, stride * k : change.shape[1] - stride * (3 - k)] for k in range(4)]
     seen = np.all([bright[:, stride * k : change.shape[1] - stride * (3 - k)] for k in range(4)], axis=0)
     third = sum(f * s for f, s in zip(_THIRD, steps, strict=True))
-    return _spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
+    return spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
 
 
 def scatter_around(change: Floats, bright: NDArray[np.bool_], stride: int) -> float:
@@ -73,8 +73,9 @@ def scatter_around(change: Floats, bright: NDArray[np.bool_], stride: int) -> fl
     seen = np.all([np.roll(bright, -stride * k, axis=0) for k in range(4)], axis=0)
     third = sum(f * np.roll(change, -stride * k, axis=0) for k, f in enumerate(_THIRD))
     seen[:, 0] = False  # at nadir all planes are one direction
-    return _spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
+    return spread(np.asarray(third)[seen]) / float(np.linalg.norm(_THIRD)) if np.any(seen) else 0.0
 
 
-def _spread(values: Floats) -> float:
+def spread(values: Floats) -> float:
+    """Standard deviation of values (n,) about their middle, by their median distance from it: few odd ones count."""
     return float(np.median(np.abs(values - np.median(values)))) / _NORMAL
