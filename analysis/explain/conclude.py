@@ -96,7 +96,7 @@ def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:
 def _what_others_bear_out(search: Search, found: Conclusion) -> None:
     """Withdraw names by which tests that are left out are predicted no better; the first alone stays if it does better.
 
-    (Of other authors' names below skylights six sets were so, since what they say: five were wrong.)
+    (Of other authors' names below skylights five sets were so, each with a wrong one.)
     """
     found.outside = _left_out(search, found.kept)
     if found.one_instrument or found.kept is found.nothing or not no_better(found.outside):

@@ -29,8 +29,8 @@ _SAME: Final = 0.999
 _EVEN: Final = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 """Weights of a parabola through five neighbours at the middle one: Savitzky and Golay 1964, Anal. Chem. 36, 1627."""
 _OF_RAYS: Final = -0.3
-"""Neighbours' correlation off the parabolas: -.8 of rays that scatter independently. (Of twelve other authors' files
-whose rays scatter -.3 to -.8, of six whose images alone are sharp -.1 to .7.)"""
+"""Neighbours' correlation off the parabolas: -.8 of rays that scatter independently. (Of ten other authors' files
+whose rays scatter -.3 to -.8, of three whose images alone are sharp -.1 to .7.)"""
 _NO_IMAGES: Final = 1.3
 """Planes that scatter about each other no more than so many times as gammas do are of rays alone."""
 _MOST: Final = 0.2

@@ -246,8 +246,8 @@ glint of 31 % in five sensors had 1e-10 and no evidence.)"""
 WORSE, HALF_WORSE, AS_BADLY = 1.01, 0.5, 0.95
 """A left-out test is predicted worse if its error grows by more than this; where such a share of them is, and all
 together err by more than that share of what they did, what was found says nothing of other tests. (So were five wrong
-sets of names on skylights by eleven other authors, and none of 183 right ones; three right ones made half of the tests
-worse, and all together better by an eighth and more. On roofs one of 45 right ones was so.)"""
+sets of names on skylights by nineteen other authors, and none of 183 right ones; three right ones made half of the
+tests worse, and all together better by an eighth and more. On roofs one of 45 right ones was so.)"""
 LEVEL_ALONE = 0.06
 """On a roof a recording whose middle reading is off by more than this share agrees with nothing. (Second instruments
 and models of the sky that four other authors made differed by less, one meter 8 % off had been called an agreement.)"""
