@@ -345,7 +345,8 @@ def read_until(program: "subprocess.Popen[str]", enough: Callable[[dict[str, Any
         seen.append(json.loads(line))
         if enough(seen[-1]):
             return seen
-    raise AssertionError(f"the run ended early: {program.stderr.read() if program.stderr else ''}")
+    _, err = program.communicate(timeout=60)  # or the next test is blamed for what is left open
+    raise AssertionError(f"the run ended early: {err}")
 
 
 def test_sigterm_parks_and_seals_over_real_ports(tmp_path: Path) -> None:
