@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.cases.model import Floats
-from analysis.explain.air_error import air_error_effects, errors_of_all_days
+from analysis.explain.air_error import air_error_effects, errors_of_all_days, gains_of_tests
 from analysis.explain.arm_error import arm_errors, sensor_angle_errors
 from analysis.explain.evidence import inside, laplace, precision_of
 from analysis.explain.hypers import STRIDES, Hyper, lattice_of
@@ -124,8 +124,8 @@ class Fitter:
         effects = np.concatenate(
             [lens_error_effects(scene), sky_error_effects(scene), air_error_effects(scene)], axis=1
         )
-        hung = pointing_errors, arm_errors, sensor_angle_errors, haze_errors, ray_noise, own_rays, errors_of_all_days
-        usual = np.concatenate([scene.remember(f) for f in hung], axis=1)
+        of_arms = pointing_errors, arm_errors, sensor_angle_errors, haze_errors, ray_noise, own_rays
+        usual = np.concatenate([scene.remember(f) for f in (*of_arms, errors_of_all_days, gains_of_tests)], axis=1)
         alone = np.hypot(scene.remember(moment_error), 0.0 if scene.alone is None else scene.alone)
         self.nuisance = nuisance or Nuisance(scene.readings, effects, steepness(scene), alone, usual)
         self.lattice = lattice_of(scene.readings)

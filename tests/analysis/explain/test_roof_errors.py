@@ -9,7 +9,7 @@ import pytest
 
 from analysis.cases.model import Floats
 from analysis.explain import air_error
-from analysis.explain.air_error import air_error_effects, air_mass, errors_of_all_days
+from analysis.explain.air_error import OF_A_TEST, air_error_effects, air_mass, errors_of_all_days, gains_of_tests
 from analysis.explain.answer import answer
 from analysis.explain.mismatch import explain
 from analysis.explain.mount_error import LEVEL_DEG, mount_errors
@@ -82,6 +82,28 @@ def test_what_is_wrong_alike_on_all_days_is_allowed_for(
     with_them = left_of(error, np.concatenate([alike, by_day], axis=1))
     monkeypatch.setattr(air_error, "_AS_THE_DAYS", 0.0)
     assert with_them < 0.1 and with_them < 0.5 * left_of(error, air_error_effects(scene))
+
+
+def test_a_second_instruments_heads_are_as_wrong_as_a_models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands in the same air, but reads with heads of its own."""
+    scene = Scene(Readings.of(series(tmp_path / "case", per_root_min=1e-6)))
+    of_a_recording, by_day = errors_of_all_days(scene), air_error_effects(scene)
+    monkeypatch.setattr(air_error, "recorded", lambda scene: False)
+    model = Scene(scene.readings)
+    assert recorded(scene) and np.array_equal(errors_of_all_days(model), of_a_recording)
+    assert np.linalg.norm(air_error_effects(model)) > 1.5 * np.linalg.norm(by_day)
+
+
+def test_a_gain_of_a_test_is_the_same_in_all_meters(roof: Scene) -> None:
+    r, effects = roof.readings, gains_of_tests(roof)
+    assert effects.shape[1] == len(np.unique(r.test))
+    for k, test in enumerate(np.unique(r.test)):
+        rows = r.test == test
+        assert np.allclose(effects[rows, k], OF_A_TEST * np.abs(r.measured[rows]) / r.scale[rows])
+        assert not np.any(effects[~rows, k])
+    assert len(np.unique(r.channel)) == 2
+    one_meter = np.where(r.channel == 0, 0.01, 0.0)
+    assert left_of(one_meter, effects) > 0.5, "a meter's own gain is none of all"
 
 
 def test_a_second_instrument_is_no_model_of_the_sky(tmp_path: Path) -> None:
