@@ -141,9 +141,14 @@ class Conclusion:
 
     @property
     def either(self) -> dict[str, tuple[str, ...]]:
-        """Names of the best set that do no better than their doubles, and those: which of them it is, is open."""
+        """Names of the best set that do no better than their doubles, and those: which of them it is, is open.
+
+        So is a further name, if another may as well stand beside the first.
+        """
         told = {name: [d for pair in self.indistinguishable if name in pair for d in pair] for name in self.best.ids}
-        found = {name: tuple(d for d in self.doubles(name) if d in others) for name, others in told.items()}
+        open_to = {self.best.last: (self.best.open[0],)} if self.best.open else {}
+        known = {name: (*open_to.get(name, ()), *self.doubles(name)) for name in told}
+        found = {name: tuple(d for d in known[name] if d in others) for name, others in told.items()}
         return {name: alike for name, alike in found.items() if alike}
 
     def doubles(self, name: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
 from analysis.explain import asked
 from analysis.explain.conclusion import Conclusion
@@ -73,6 +74,8 @@ def grow(search: Search, found: Conclusion) -> None:
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
         found.best = best
         bases = [best]
+        if best.open:
+            return
 
 
 def _leans(h: Hypothesis) -> bool:
@@ -135,6 +138,9 @@ def _one_more(search: Search, found: Conclusion, beside: Beside) -> tuple[float,
     gain = best.evidence - alone
     (new,) = set(best.ids) - set(base.ids)
     share, needed = _asked_for(found, beside, best)
+    open_to = _in_its_place(found, beside, best, seen) if share < found.sure_beside else None
+    if open_to:
+        share = open_to[1]
     # what gains too little to be told does not say either that others would do as well
     found.shares[frozenset(base.ids), new] = share if gain >= needed else 1.0
     found.considered.append((best.ids, base.evidence + gain - 0.5 * needed))
@@ -147,7 +153,36 @@ def _one_more(search: Search, found: Conclusion, beside: Beside) -> tuple[float,
     near = max(ALIKE, found.temper(gain))
     tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
     tied_too = base.tied + tuple((new, h.last) for h in tied)
+    if open_to:
+        rival, _ = open_to
+        tied_too += ((new, rival.last),)
+        best = replace(best, open=(rival.last, _of_the_two(found, rival, best, gain)))
     return gain, replace(best, tied=tied_too, added_to=base.first, evidence=base.evidence + gain)
+
+
+def _in_its_place(
+    found: Conclusion, beside: Beside, best: Hypothesis, seen: list[Hypothesis]
+) -> tuple[Hypothesis, float] | None:
+    """What may as well be added to the first name as the likeliest, and how probable it is that it is one of the two.
+
+    Both gain what is asked of them, and nothing else comes near. Neither is a random effect, which takes whatever is
+    left. (Beside other authors' first names six were so: five times one of the two was true.)
+    """
+    base, added = beside.base, frozenset(best.ids) - frozenset(beside.base.ids)
+    same = {*added, *(d for m in added for d in found.doubles(m))}
+    others = [h for h in seen if h is not best and not same & set(h.ids)]
+    rival = max(others, key=lambda h: h.evidence, default=None)
+    if base.ids != found.best.ids or rival is None or rival.wanders != base.wanders or best.wanders != base.wanders:
+        return None
+    if rival.evidence - beside.alone < _asked_for(found, beside, rival)[1]:
+        return None
+    rest = [h for h in beside.candidates if h is not rival]
+    return rival, share_of(found, best, base, rest, best.evidence - beside.alone)
+
+
+def _of_the_two(found: Conclusion, rival: Hypothesis, best: Hypothesis, gain: float) -> float:
+    """How probable the rival is, of the two."""
+    return float(expit((rival.evidence - best.evidence) / found.temper(gain)))
 
 
 def _asked_for(found: Conclusion, beside: Beside, h: Hypothesis) -> tuple[float, float]:

@@ -21,6 +21,8 @@ class Hypothesis:
         Log evidence, mechanisms' several ways averaged, without the prior on mechanisms.
     tied
         Mechanisms added to others, and what could stand in their place.
+    open
+        What may as well have been added last, and how probable it is of the two; ``None`` where that is known.
     added, added_to
         The mechanism that was added last, if it is not the last of ``ids``; and the one that all others were added to,
         empty where there are no others.
@@ -31,6 +33,7 @@ class Hypothesis:
     wanders: tuple[Wandering, ...] = ()
     ways: list[Fit] = field(default_factory=list)
     tied: tuple[tuple[str, str], ...] = ()
+    open: tuple[str, float] | None = None
     added: str = ""
     added_to: str = ""
 

@@ -268,8 +268,11 @@ def share_with_doubles(found: Conclusion) -> None:
     """Tell a name and the doubles that do as well among the alternatives: its probability is that of either."""
     alone = _alone(found)
     for name, alike in found.either.items():
-        gains = np.array([alone[m] for m in (name, *alike)])
-        parts = np.exp(gains - gains.max()) / np.sum(np.exp(gains - gains.max()))
+        if found.best.open and alike == (found.best.open[0],):
+            parts = np.array([1.0 - found.best.open[1], found.best.open[1]])
+        else:
+            gains = np.array([alone.get(m, 0.0) for m in (name, *alike)])
+            parts = np.exp(gains - gains.max()) / np.sum(np.exp(gains - gains.max()))
         rest = tuple(m for m in found.best.ids if m != name)
         shares = zip((name, *alike), found.probability[name] * parts, strict=True)
         found.alternatives += [((*rest, m), float(p)) for m, p in shares]

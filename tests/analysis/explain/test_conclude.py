@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 import analysis.explain.conclude as conclusions
 from analysis.explain import further
@@ -20,11 +21,8 @@ from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
-from analysis.explain.thresholds import (
-    HOLDS_LAWS,
-    TEMPER_ONE,
-)
-from analysis.explain.verdict import decide, no_better
+from analysis.explain.thresholds import HOLDS_LAWS, RELIABLE, TEMPER_ONE
+from analysis.explain.verdict import decide, no_better, share_with_doubles
 from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis
 
@@ -110,24 +108,68 @@ def test_nothing_is_sought_beside_what_no_physics_makes(arm: Scene, monkeypatch:
         assert set(bases) == sought
 
 
-@pytest.mark.parametrize(("gain", "share"), [(5.0, 1.0), (60.0, 0.5)])
-def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
-    arm: Scene, monkeypatch: pytest.MonkeyPatch, gain: float, share: float
-) -> None:
+def beside_an_azimuth(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, *gains: tuple[str, float], runner_up: float = 0.0
+) -> Conclusion:
+    """What is told where an arm's azimuth has 100 nats, and so much more is gained by what is added to it."""
     search, nothing = Search(Fitter(arm)), hypothesis(arm, 0.0)
-    name = hypothesis(arm, 100.0, "c-offset")
-    both = [hypothesis(arm, gain, "c-offset", m) for m in ("gamma-offset", "cosine-response")]
+    name, other = hypothesis(arm, 100.0, "c-offset"), hypothesis(arm, runner_up, "soiling")
+    both = [hypothesis(arm, gain, "c-offset", m) for m, gain in gains]
     for h in both:
         h.fit.theta = np.zeros(len(h.fit.parameters))
-    monkeypatch.setattr(search, "beside", lambda *_: both)
+    monkeypatch.setattr(search, "beside", lambda base, *_: both if base.ids == ("c-offset",) else [])
     monkeypatch.setattr(search, "allowed", lambda *_: ())
     monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
     monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
     monkeypatch.setattr(further, "wandering_beside", lambda *_: [])
-    found = Conclusion(name, nothing, [name])
+    found = Conclusion(name, nothing, [name, other])
     grow(search, found)
-    assert found.best is name
-    assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): share}
+    return found
+
+
+def test_a_second_that_gains_too_little_says_not_that_others_would_do_as_well(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = beside_an_azimuth(arm, monkeypatch, ("gamma-offset", 5.0), ("cosine-response", 5.0))
+    assert found.best.ids == ("c-offset",)
+    assert found.shares == {(frozenset({"c-offset"}), "gamma-offset"): 1.0}
+
+
+@pytest.mark.parametrize(
+    ("third", "second", "ids", "told"),
+    [
+        (5.0, 58.0, ("c-offset", "gamma-offset"), True),
+        (55.0, 58.0, ("c-offset",), False),
+        (5.0, 7.0, ("c-offset", "gamma-offset"), False),
+    ],
+    ids=["two do as well", "three do as well", "one stands out"],
+)
+def test_what_two_do_alike_beside_a_name_is_told_as_either(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch, third: float, second: float, ids: tuple[str, ...], told: bool
+) -> None:
+    gains = ("gamma-offset", 60.0), ("cosine-response", second), ("stray-light", third)
+    found = beside_an_azimuth(arm, monkeypatch, *gains)
+    decide(found, 1.0)
+    share_with_doubles(found)
+    units = found.temper(60.0)
+    assert found.best.ids == ids
+    assert (found.either == {"gamma-offset": ("cosine-response",)}) == told
+    if told:
+        assert found.verdict == "explained"
+        assert found.probability["gamma-offset"] == pytest.approx(RELIABLE * float(expit((60.0 - third) / units)))
+        shares = {ids[-1]: p for ids, p in found.alternatives if len(ids) == 2}
+        ratio = shares["cosine-response"] / shares["gamma-offset"]
+        assert ratio == pytest.approx(float(np.exp((second - 60.0) / units)))
+        assert sum(shares.values()) == pytest.approx(found.probability["gamma-offset"])
+
+
+def test_neither_of_two_is_told_where_one_is_asked_for_more_than_it_has(
+    arm: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What looks like a lens is asked for more than an angle of the arm."""
+    for gain, told in ((14.0, False), (40.0, True)):
+        found = beside_an_azimuth(arm, monkeypatch, ("gamma-offset", gain + 0.5), ("lens-haze", gain), ("soiling", 1.0))
+        assert (found.best.open is not None) == told
 
 
 @pytest.mark.parametrize(("effect", "named"), [(0.03, True), (0.008, False)])
