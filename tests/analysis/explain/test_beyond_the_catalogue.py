@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.explain import conclude
+from analysis.explain import repeats as repeats_of
 from analysis.explain.again import simulated_again
 from analysis.explain.answer import answer
 from analysis.explain.conclude import _unnamed_beside
@@ -186,6 +187,24 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
     assert gain < 0.0 < expected
 
 
+def test_what_nadir_does_alike_in_all_tests_is_the_arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm that hangs beside its axis: so was another author's, in all of eight tests."""
+
+    def beside_its_axis(rows: Rows) -> Floats:
+        return light(rows) * (1.0 + 0.013 * np.cos(np.radians(rows.c_deg - 160.0)))
+
+    def told(name: str, tests: tuple[Sky, ...]) -> float:
+        scene = Scene(Readings.of(make_case(tmp_path / name, beside_its_axis, tests=tests)))
+        fit = Fitter(scene).fit((), np.zeros(0), Hyper(1.0, 0.3, 0.4))
+        return repeats(scene, fit, Wandering(CLOUD, 0.05, 45.0)).gain
+
+    assert len(TESTS) >= 4
+    few, all_of_them = told("few", TESTS[:2]), told("all", TESTS)
+    assert all_of_them < 0.0
+    monkeypatch.setattr(repeats_of, "_TESTS_OF_THE_ARM", 99)
+    assert told("never", TESTS) > SHOWN and told("few again", TESTS[:2]) == pytest.approx(few)
+
+
 def test_a_cloud_dims_all_sensors_and_what_nadir_does_alone_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +236,7 @@ def test_repeats_contradict_a_cloud_only_where_they_are_likelier_without() -> No
     assert not Repeats(2.6, 14.0).contradict
     assert Repeats(-2.0, 14.0).contradict
     assert not Repeats(-2.0, 2.0).contradict  # it would hardly have shown
+    assert not Repeats(34.6, 2263.3, 14.4).contradict  # a cloud of 2 % that seemed to be one of 17 %
     assert Repeats(0.5, 469.5, 2.4).contradict  # other sensors' light went up and down by far more
     assert not Repeats(1.6, 38.9, 4.4).contradict and Repeats(1.6, 38.9, 4.4).told > SHOWN  # steady ramps of two tests
 
