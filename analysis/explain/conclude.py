@@ -50,6 +50,7 @@ def conclude(search: Search) -> Conclusion:
         named = [h for h in named if search.least_effect(h) > asked.least_effect(h, found)]
     else:
         named = [h for h in named if not asked.is_a_moment(h)]
+    found.enough = frozenset(h.ids[0] for h in named if not h.wanders)
     if named:
         found.best = first_of(named, found)
         grow(search, found)

@@ -90,6 +90,8 @@ class Conclusion:
         Mechanisms that the prediction lacks by the case's own account: likelier, and asked for less (`LACKED`).
     alike
         Mechanisms that are not told apart in this case, whatever each gains.
+    enough
+        Formulas that by themselves have the evidence for a name.
     considered
         Further sets of names with their evidence, less what a name more has to bring.
     shares
@@ -118,6 +120,7 @@ class Conclusion:
     unseen: frozenset[str] = frozenset()
     lacked: frozenset[str] = frozenset()
     alike: frozenset[str] = frozenset()
+    enough: frozenset[str] = frozenset()
     considered: list[tuple[tuple[str, ...], float]] = field(default_factory=list)
     shares: dict[tuple[frozenset[str], str], float] = field(default_factory=dict)
     trail: list[str] = field(default_factory=list)
@@ -143,7 +146,7 @@ class Conclusion:
     def either(self) -> dict[str, tuple[str, ...]]:
         """Names of the best set that do no better than their doubles, and those: which of them it is, is open.
 
-        So is a further name, if another may as well stand beside the first.
+        So is a further name, if another may as well stand beside the first, or a lone one's only near rival.
         """
         told = {name: [d for pair in self.indistinguishable if name in pair for d in pair] for name in self.best.ids}
         open_to = {self.best.last: (self.best.open[0],)} if self.best.open else {}

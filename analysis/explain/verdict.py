@@ -1,5 +1,7 @@
 """The verdict: what the search came to, and how surely each name is right."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import expit
 
@@ -236,7 +238,9 @@ def _probabilities(found: Conclusion) -> None:
     """Of the first name beside its best rival; of further names as they were accepted.
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
-    beside the names speaks against them by half, unless a further name would take it.
+    beside the names speaks against them by half, unless a further name would take it. Where a lone name is doubtful
+    for one rival alone, which has the evidence for a name by itself, it is either of the two. (Of other authors' cases
+    told so eight held one of the two, and two neither.)
     """
     ids, alone = found.best.ids, _alone(found)
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
@@ -245,11 +249,19 @@ def _probabilities(found: Conclusion) -> None:
     even = asked.even(found, found.best.first, found.best) if found.one_instrument else 0.0
     nothing = (even - top) / by_root(top, found.nat)
     sure = 0.0
+    near: tuple[str, ...] = ()
     if ids:
         left = 0.0 if _takes_the_rest(found) else found.left_against
         law = found.law_odds(top if len(ids) == 1 else found.best.evidence - found.nothing.evidence, nats)
-        nearest = max(*rivals.values(), law, nothing) + likelier.unseen(found, (found.best.first,))
-        sure = RELIABLE * float(expit(-nearest - LEFT_OVER * left / by_root(top, found.nat)))
+        beside = likelier.unseen(found, (found.best.first,)) + LEFT_OVER * left / by_root(top, found.nat)
+        sure = RELIABLE * float(expit(-max(*rivals.values(), law, nothing) - beside))
+        near = tuple(key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < found.sure)
+        if len(near) == len(ids) == 1 and found.enough >= {*near, *ids}:
+            rest = {key: r for key, r in rivals.items() if key != near}
+            either = RELIABLE * float(expit(-max(*rest.values(), law, nothing) - beside))
+            if either >= found.sure:  # it is one of the two
+                found.best = replace(found.best, open=(near[0], float(expit(rivals[near[0],]))))
+                rivals, sure = rest, either
         found.probability = {m: sure if m == found.best.first else RELIABLE * _share(found, m) for m in ids}
         if found.one_instrument and len(ids) > 2:
             found.probability = {m: OF_THREE * p for m, p in found.probability.items()}
@@ -257,7 +269,6 @@ def _probabilities(found: Conclusion) -> None:
     ranked = sorted(share, key=lambda key: -share[key])[:5]
     found.alternatives = [(key, (1.0 - sure) * share[key]) for key in ranked]
     if ids:
-        near = [key[0] for key, r in rivals.items() if len(key) == 1 and r > -APART and sure < found.sure]
         first = found.best.first
         alike = (*_doubles_here(found, first, alone), *near)
         found.indistinguishable += [(first, other) for other in alike if other in alone and other not in ids]

@@ -225,6 +225,35 @@ def test_doubles_share_what_is_sure_of_either(arm: Scene) -> None:
     assert "dark-offset" not in {name for ids, _ in alone.alternatives for name in ids}
 
 
+@pytest.mark.parametrize(
+    ("rival", "third", "enough", "told"),
+    [
+        (26.0, 10.0, True, True),
+        (26.0, 25.0, True, False),
+        (26.0, 10.0, False, False),
+        (8.0, 4.0, True, False),
+    ],
+    ids=["two do as well", "three do as well", "one has too little by itself", "one stands out"],
+)
+def test_what_two_do_alike_by_themselves_is_told_as_either(
+    arm: Scene, rival: float, third: float, enough: bool, told: bool
+) -> None:
+    """A wall that reflects less than simulated had 26 nats, a limit of bounces 23."""
+    found = decided(arm, ("cosine-response", 27.0), ("gamma-offset", rival), ("soiling", third))
+    found.enough = frozenset({"cosine-response", "gamma-offset"} if enough else {"cosine-response"})
+    found.indistinguishable = []
+    decide(found, 1.0)
+    share_with_doubles(found)
+    assert (found.either == {"cosine-response": ("gamma-offset",)}) == told
+    assert (found.verdict == "explained") == (told or rival == 8.0)
+    if told:
+        units = found.temper(27.0)
+        of_either = RELIABLE * float(expit((27.0 - third) / units))
+        assert found.probability["cosine-response"] == pytest.approx(of_either)
+        shares = {ids[0]: p for ids, p in found.alternatives if ids in {("cosine-response",), ("gamma-offset",)}}
+        assert shares["gamma-offset"] == pytest.approx(of_either * float(expit((rival - 27.0) / units)))
+
+
 def test_a_second_name_is_as_sure_as_it_stands_out(arm: Scene) -> None:
     base = hypothesis(arm, 100.0, "c-offset")
     pairs = [hypothesis(arm, e, "c-offset", name) for name, e in (("dark-offset", 140.0), ("stray-light", 139.0))]
