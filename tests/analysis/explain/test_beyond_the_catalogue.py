@@ -188,7 +188,7 @@ def test_nadir_tells_a_cloud_from_a_shape(tmp_path: Path) -> None:
 
 
 def test_what_nadir_does_alike_in_all_tests_is_the_arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An arm that hangs beside its axis: so was another author's, in all of eight tests."""
+    """An arm that hangs beside its axis, or a nadir that has sides: another author's went so in all of eight tests."""
 
     def beside_its_axis(rows: Rows) -> Floats:
         return light(rows) * (1.0 + 0.013 * np.cos(np.radians(rows.c_deg - 160.0)))
