@@ -226,9 +226,12 @@ class Conclusion:
 
     @property
     def unnamed_told(self) -> list[Unnamed]:
-        """The most promising of unnamed structure; first a law that does better than all names, with what it gains."""
+        """The most promising of unnamed structure; first a law that does as well as all names, with what it gains."""
         gain = self.best.evidence - self.nothing.evidence
-        laws = [u for u in self.instead if u.conjecture is not None and u.gain > gain and self.verdict == "unexplained"]
+        least = gain - self.temper(gain)
+        laws = [
+            u for u in self.instead if u.conjecture is not None and u.gain > least and self.verdict == "unexplained"
+        ]
         return laws[:1] + [u for u in self.unnamed[:_TOLD] if u.along not in {law.along for law in laws[:1]}]
 
     @property
