@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.explain.conclusion import Conclusion, of_another_lens
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import CLOUD, PATTERN, UNREST
 from analysis.explain.fit import Fit
 from analysis.explain.form_error import OF_CASE
@@ -63,6 +63,7 @@ from analysis.explain.thresholds import (
     THIRD,
     WRONG_LENS,
 )
+from analysis.explain.told_form import of_another_lens
 from analysis.explain.trace_settings import STRETCH_OF
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})

@@ -8,7 +8,7 @@ from analysis.cases.model import Floats
 from analysis.explain import asked
 from analysis.explain.alone import odd_readings
 from analysis.explain.calibration import state
-from analysis.explain.conclusion import Conclusion, Unnamed, ends_softly
+from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.families import SCAN_ORDER, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.further import grow, name_two_together, wandering_beside
@@ -24,6 +24,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_ONE,
 )
+from analysis.explain.told_form import ends_softly
 from analysis.explain.told_pattern import with_its_pattern
 from analysis.explain.verdict import decide, first_of, name_the_sure, no_better, share_with_doubles
 

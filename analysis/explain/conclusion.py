@@ -9,17 +9,14 @@ from analysis.explain.heldout import HeldOut
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Term
 from analysis.explain.mechanisms.lens import LensOrientation
-from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
 from analysis.explain.mechanisms.sluggish import Sluggish
 from analysis.explain.odds import LIKELIER, SLOW_OR_LATE
-from analysis.explain.retrace import Path
 from analysis.explain.thresholds import (
     ALIKE,
     DOUBLES,
     IMITATION,
     IMITATION_LENS,
     SAME,
-    SUDDEN,
     SURE,
     SURE_BELOW,
     SURE_BESIDE,
@@ -27,6 +24,7 @@ from analysis.explain.thresholds import (
     TEMPER,
     TEMPER_SHARE,
 )
+from analysis.explain.told_form import flatten_alike, of_another_lens
 
 _TOLD = 4  # so many kinds of unnamed structure are told
 
@@ -175,7 +173,7 @@ class Conclusion:
             return False
         change = one.fit.residual - self.nothing.fit.residual
         apart = one.fit.residual - other.fit.residual
-        alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change)) or _flatten_alike(one, other)
+        alike = float(np.linalg.norm(apart)) < SAME * float(np.linalg.norm(change)) or flatten_alike(one, other)
         return alike and abs(one.evidence - other.evidence) < ALIKE
 
     @property
@@ -265,49 +263,3 @@ def temper(gain: float, nat: float = TEMPER) -> float:
 def by_root(gain: float, nat: float = TEMPER) -> float:
     """How many nats count as one against nothing at all."""
     return nat * float(np.sqrt(max(gain, 1.0)))
-
-
-def of_another_lens(h: Hypothesis) -> bool:
-    """Whether a change of the lens was traced on a lens that is only like the prediction's."""
-    return any(traced(t) for t in h.fit.terms)
-
-
-def traced(term: Term) -> bool:
-    """Whether a term is a change of the lens that we simulated again, on one that is not hardly unlike the case's."""
-    path = term.branch.value
-    return term.mechanism.like_a_lens and isinstance(path, Path) and not (path.of_case or path.alike)
-
-
-def of_optics(term: Term) -> bool:
-    """Whether a term changes lens or well, or was simulated again: its form is as good as what was simulated."""
-    return term.mechanism.like_a_lens or isinstance(term.branch.value, Path)
-
-
-def flattens(h: Hypothesis) -> bool:
-    """Whether a response that is not proportional only flattens towards bright light, as a range does that ends."""
-    return any(_is_bent(term) and h.fit.theta[k] < 0.0 for term, k in h.fit.placed)
-
-
-def _is_bent(term: Term) -> bool:
-    """All forms but a power, which bends dim light as well."""
-    return term.mechanism.id == Nonlinearity.id and isinstance(term.branch.value, tuple)
-
-
-def _flatten_alike(one: Hypothesis, other: Hypothesis) -> bool:
-    """Whether two are one response that flattens towards bright light, under two names."""
-    return (flattens(one) and flattens_all(other)) or (flattens(other) and flattens_all(one))
-
-
-def flattens_all(h: Hypothesis) -> bool:
-    """Whether a range that ends is told by sensors of which all readings are too small, the bright ones the more.
-
-    That is a response which is not proportional as well: by the same word other authors mean such a law, and by a range
-    that ends a sudden one.
-    """
-    return any(t.mechanism.id == Saturation.id and t.branch.value[1] in Saturation.smooth for t in h.fit.terms)
-
-
-def ends_softly(h: Hypothesis) -> bool:
-    """Whether a range of an arm's sensors ends so gradually that it is as well a response that is not proportional."""
-    ends = [k for t, k in h.fit.placed if t.mechanism.id == Saturation.id and t.branch.value[1] == "rounded"]
-    return any(h.fit.theta[k + 1] < SUDDEN for k in ends)

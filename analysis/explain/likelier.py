@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from analysis.explain import asked
-from analysis.explain.conclusion import Conclusion, flattens, flattens_all, of_optics
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import UNREST
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.aureole import CircumsolarAureole
@@ -28,6 +28,7 @@ from analysis.explain.odds import (
     TILTED_OR_LATE,
     UNSEEN,
 )
+from analysis.explain.told_form import flattens, flattens_all, of_optics
 
 _ENDS: Final = frozenset({"saturation", "meter-range-limit"})
 _OF_ONE_INSTRUMENT: Final[dict[tuple[str, ...], float]] = {

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.explain import asked, likelier
-from analysis.explain.conclusion import Conclusion, by_root, temper, traced
+from analysis.explain.conclusion import Conclusion, by_root, temper
 from analysis.explain.heldout import HeldOut
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
@@ -41,6 +41,7 @@ from analysis.explain.thresholds import (
     UNNAMED_ALONE_ONE,
     WORSE,
 )
+from analysis.explain.told_form import traced
 
 
 def first_of(named: list[Hypothesis], found: Conclusion) -> Hypothesis:

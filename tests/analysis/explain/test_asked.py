@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logit
 
 from analysis.explain import asked, further
-from analysis.explain.conclusion import Conclusion, of_another_lens
+from analysis.explain.conclusion import Conclusion
 from analysis.explain.families import CLOUD, SHUTTER
 from analysis.explain.fit import MIDDLE, Fit, Fitter
 from analysis.explain.further import Beside, _likeliest, name_two_together
@@ -52,6 +52,7 @@ from analysis.explain.thresholds import (
     THIRD,
     WRONG_LENS,
 )
+from analysis.explain.told_form import of_another_lens
 from analysis.explain.verdict import decide, first_of, share_of
 from analysis.explain.wander import Wandering
 from tests.analysis.explain.weighed import decided, hypothesis, on_another_lens

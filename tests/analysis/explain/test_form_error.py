@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.explain import form_error as form_error_module
-from analysis.explain.conclusion import traced
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.form_error import form_error, locally_wrong
 from analysis.explain.hypers import Hyper
@@ -19,6 +18,7 @@ from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.thresholds import AS_IT_IS
+from analysis.explain.told_form import traced
 from tests.analysis.explain.test_mechanisms import term
 
 
