@@ -73,9 +73,9 @@ def grow(search: Search, found: Conclusion) -> None:
             return  # beside one of the two, another might stand for the other
         found.trail.append(f"{' + '.join(best.ids)} beats its parts by {gain:.1f} nats")
         found.best = best
-        bases = [best]
         if best.open:
             return
+        bases = [best]
 
 
 def _leans(h: Hypothesis) -> bool:
@@ -154,21 +154,20 @@ def _one_more(search: Search, found: Conclusion, beside: Beside) -> tuple[float,
     tied = (h for h in candidates if h.last in found.doubles(new) and abs(h.evidence - best.evidence) < near)
     tied_too = base.tied + tuple((new, h.last) for h in tied)
     if open_to:
-        rival, _ = open_to
-        tied_too += ((new, rival.last),)
-        best = replace(best, open=(rival.last, _of_the_two(found, rival, best, gain)))
+        best = replace(best, open=open_to[0])
+        tied_too += ((new, open_to[0][0]),)
     return gain, replace(best, tied=tied_too, added_to=base.first, evidence=base.evidence + gain)
 
 
 def _in_its_place(
     found: Conclusion, beside: Beside, best: Hypothesis, seen: list[Hypothesis]
-) -> tuple[Hypothesis, float] | None:
-    """What may as well be added to the first name as the likeliest, and how probable it is that it is one of the two.
+) -> tuple[tuple[str, float], float] | None:
+    """What may as well be added to the first name as the likeliest, and how probable of the two; and that it is either.
 
     Both gain what is asked of them, and nothing else comes near. Neither is a random effect, which takes whatever is
     left. (Beside other authors' first names six were so: five times one of the two was true.)
     """
-    base, added = beside.base, frozenset(best.ids) - frozenset(beside.base.ids)
+    base, added = beside.base, set(best.ids) - set(beside.base.ids)
     same = {*added, *(d for m in added for d in found.doubles(m))}
     others = [h for h in seen if h is not best and not same & set(h.ids)]
     rival = max(others, key=lambda h: h.evidence, default=None)
@@ -176,13 +175,9 @@ def _in_its_place(
         return None
     if rival.evidence - beside.alone < _asked_for(found, beside, rival)[1]:
         return None
-    rest = [h for h in beside.candidates if h is not rival]
-    return rival, share_of(found, best, base, rest, best.evidence - beside.alone)
-
-
-def _of_the_two(found: Conclusion, rival: Hypothesis, best: Hypothesis, gain: float) -> float:
-    """How probable the rival is, of the two."""
-    return float(expit((rival.evidence - best.evidence) / found.temper(gain)))
+    gain, rest = best.evidence - beside.alone, [h for h in beside.candidates if h is not rival]
+    of_the_two = float(expit((rival.evidence - best.evidence) / found.temper(gain)))
+    return (rival.last, of_the_two), share_of(found, best, base, rest, gain)
 
 
 def _asked_for(found: Conclusion, beside: Beside, h: Hypothesis) -> tuple[float, float]:

@@ -108,12 +108,10 @@ def test_nothing_is_sought_beside_what_no_physics_makes(arm: Scene, monkeypatch:
         assert set(bases) == sought
 
 
-def beside_an_azimuth(
-    arm: Scene, monkeypatch: pytest.MonkeyPatch, *gains: tuple[str, float], runner_up: float = 0.0
-) -> Conclusion:
+def beside_an_azimuth(arm: Scene, monkeypatch: pytest.MonkeyPatch, *gains: tuple[str, float]) -> Conclusion:
     """What is told where an arm's azimuth has 100 nats, and so much more is gained by what is added to it."""
     search, nothing = Search(Fitter(arm)), hypothesis(arm, 0.0)
-    name, other = hypothesis(arm, 100.0, "c-offset"), hypothesis(arm, runner_up, "soiling")
+    name = hypothesis(arm, 100.0, "c-offset")
     both = [hypothesis(arm, gain, "c-offset", m) for m, gain in gains]
     for h in both:
         h.fit.theta = np.zeros(len(h.fit.parameters))
@@ -122,7 +120,7 @@ def beside_an_azimuth(
     monkeypatch.setattr(search, "reweighed", lambda *_: 0.0)
     monkeypatch.setattr(search, "least_effect", lambda *_: 0.05)
     monkeypatch.setattr(further, "wandering_beside", lambda *_: [])
-    found = Conclusion(name, nothing, [name, other])
+    found = Conclusion(name, nothing, [name])
     grow(search, found)
     return found
 
@@ -167,8 +165,8 @@ def test_neither_of_two_is_told_where_one_is_asked_for_more_than_it_has(
     arm: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What looks like a lens is asked for more than an angle of the arm."""
-    for gain, told in ((14.0, False), (40.0, True)):
-        found = beside_an_azimuth(arm, monkeypatch, ("gamma-offset", gain + 0.5), ("lens-haze", gain), ("soiling", 1.0))
+    for other, gain, told in (("lens-haze", 14.0, False), ("cosine-response", 14.0, True), ("lens-haze", 40.0, True)):
+        found = beside_an_azimuth(arm, monkeypatch, ("gamma-offset", gain + 0.5), (other, gain), ("soiling", 1.0))
         assert (found.best.open is not None) == told
 
 
