@@ -240,8 +240,8 @@ def _probabilities(found: Conclusion) -> None:
 
     A rival is any other single, a set considered without it, a law outside the catalogue, or nothing. What is left
     beside the names speaks against them by half, unless a further name would take it. Where a lone name is doubtful
-    for one rival alone, which has the evidence for a name by itself, it is either of the two. (Of
-    seven of other authors' silent cases two are told so, and hold it.)
+    for one rival alone, which has the evidence for a name by itself, it is either of the two. (Of seven of other
+    authors' silent cases two are told so, and hold it.)
     """
     ids, alone = found.best.ids, _alone(found)
     top = max((alone.get(m, 0.0) for m in ids), default=max(alone.values(), default=0.0))
