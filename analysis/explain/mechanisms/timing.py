@@ -1,21 +1,20 @@
 """Time: the clocks of roof and room."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.air_error import air_mass
-from analysis.explain.geometry import turned
+from analysis.explain.images_later import in_tubes, middles, with_height_and_azimuth, with_the_sun
 from analysis.explain.mechanisms.base import IMAGES_OF_SIZE, Branch, Mechanism, Stage
 from analysis.explain.mechanisms.camera import cameras_side
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import sun_at
+from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.series import looks_one_way, predicted_noise, quiet, series_of, step_min
 from analysis.explain.shifts import likely_shifts, saw_the_clouds
-from labdaq import directions
 
 _CLEAR_LOSS = 0.25
 """Optical depth of clear air, to divide out the sun's way."""
@@ -24,6 +23,7 @@ _HOUR_MIN, _USUAL_MIN = 60.0, 8.0
 HOUR = "the hour alone"
 """What a clock changes where the sun's image is simulated elsewhere: how much of the daylight is the sun's."""
 _OF_THE_ROOF = "by the roof's clock"
+_RINGS = "below tubes by the sun's height and azimuth"
 _NODE_MIN = 10.0
 """The sun's altitude is worked out for offsets so far apart."""
 _BEYOND_AIR_LX = 1.3e5
@@ -114,10 +114,14 @@ class ClockOffset(Mechanism):
 
     @staticmethod
     def _of_the_image(scene: Scene) -> tuple[Branch, ...]:
-        """The sun's image as re-simulated, and turned as a whole with the sun."""
+        """The sun's image as re-simulated, or turned as a whole with the sun; of tubes also by height and azimuth."""
         paths = scene.retraced.paths("clock-offset") if scene.retraced is not None else ()
         traced = tuple(Branch(path.label if k else "", path) for k, path in enumerate(paths))
-        return (*traced, Branch("the image follows the sun", "image")) if scene.knows_image else traced
+        if not scene.knows_image:
+            return traced
+        ways = (*traced, Branch("the image follows the sun", "image"))
+        ours = [w for w in ways if not w.of_case] if np.any(in_tubes(scene)) else []
+        return (*ways, *(replace(w, label=f"{w.label}, {_RINGS}".lstrip(", "), value=_Rings(w.value)) for w in ours))
 
     def parameters_in(self, scene: Scene, branch: Branch) -> tuple[Parameter, ...]:
         """A whole series can only be shifted by a few of its own steps, or by the hour of summer time."""
@@ -155,15 +159,8 @@ class ClockOffset(Mechanism):
             sun, sky = _clear_later(scene, _altitude_later(scene, float(p[0])))
             light.sun_factor = np.where(brightens, light.sun_factor * sun, light.sun_factor)
             light.sky_factor = np.where(brightens, light.sky_factor * sky, light.sky_factor)
-        if branch.value == HOUR:
-            return
-        if branch.value == "image":
-            light.sun = _with_the_sun(scene, light.sun, float(p[0]))
-            return
-        if np.any(scene.is_gonio) and scene.retraced is not None:
-            moved = scene.retraced.sun_later(float(p[0]), branch.value)
-            if moved is not None:
-                light.sun = light.sun * moved
+        if np.any(scene.is_gonio) and branch.value != HOUR:
+            light.sun = _image_later(scene, light.sun, float(p[0]), branch.value)
 
     def statement(self, p: Floats, branch: Branch) -> str:
         """Say how far."""
@@ -171,6 +168,26 @@ class ClockOffset(Mechanism):
             f"The clocks differ by {abs(p[0]):.1f} min: the sun stood where it was "
             f"{'later' if p[0] > 0 else 'earlier'} than recorded."
         )
+
+
+@dataclass(frozen=True)
+class _Rings:
+    """A way for images below all systems but tubes: a path of settings, or with the sun."""
+
+    elsewhere: Path | str
+
+
+def _image_later(scene: Scene, sun: Floats, minutes: float, way: Path | str | _Rings | None) -> Floats:
+    """The sun part (T, P, G) ``minutes`` later in one of the ways."""
+    if isinstance(way, _Rings):
+        tubes = in_tubes(scene)[:, None, None]
+        rings = with_height_and_azimuth(scene, sun, minutes)
+        return rings if np.all(tubes) else np.where(tubes, rings, _image_later(scene, sun, minutes, way.elsewhere))
+    if way == "image":
+        return with_the_sun(scene, sun, minutes)
+    path = way if isinstance(way, Path) else None
+    ratio = scene.retraced.sun_later(minutes, path) if scene.retraced is not None else None
+    return sun if ratio is None else sun * ratio
 
 
 def _below(scene: Scene) -> bool:
@@ -181,17 +198,6 @@ def _below(scene: Scene) -> bool:
 def _by_either_clock(ways: tuple[Branch, ...]) -> tuple[Branch, ...]:
     """The ways with illuminances of the room's hour, and those with illuminances of the roof's."""
     return (*ways, *(replace(w, label=f"{w.label}, {_OF_THE_ROOF}".lstrip(", "), sort=_OF_THE_ROOF) for w in ways))
-
-
-def _with_the_sun(scene: Scene, field: Floats, minutes: float) -> Floats:
-    """The sun part (T, P, G) ``minutes`` later: its image turned by the arc that the sun went."""
-    case, middles = scene.readings.case, _middles(scene)
-    now = directions.sky_vector(*sun_at(case, middles))
-    later = directions.sky_vector(*sun_at(case, middles + np.int64(round(minutes * 60e9))))
-    across = np.cross(now, later)
-    sine = np.linalg.norm(across, axis=1)
-    axis = across / np.maximum(sine, 1e-12)[:, None]
-    return turned(field, axis, np.degrees(np.arctan2(sine, np.sum(now * later, axis=1))))
 
 
 def _clear_later(scene: Scene, altitude_deg: Floats) -> tuple[Floats, Floats]:
@@ -228,15 +234,8 @@ def _altitude_at_node(scene: Scene, node: float) -> Floats:
     """The sun's altitude [deg] so many nodes after each reading, or below a skylight after its test's middle; (N,)."""
     r, late = scene.readings, np.int64(round(node * _NODE_MIN * 60e9))
     if _below(scene):  # thousands of readings, of tests that are predicted for one moment
-        return np.asarray(sun_at(r.case, _middles(scene) + late)[0][r.test])
+        return np.asarray(sun_at(r.case, middles(scene) + late)[0][r.test])
     return np.asarray(sun_at(r.case, r.utc_ns + late)[0])
-
-
-def _middles(scene: Scene) -> NDArray[np.int64]:
-    """The middle moment of each test's readings [ns]; (T,)."""
-    r = scene.readings
-    tests = range(len(r.case.tests))
-    return np.array([int(r.utc_ns[r.test == k].mean()) if np.any(r.test == k) else 0 for k in tests], dtype=np.int64)
 
 
 def _later(scene: Scene, minutes: float) -> Floats:

@@ -141,7 +141,10 @@ def test_what_cannot_be_tried_is_said(arm: Scene) -> None:
         assert "variant" in BY_ID[i].why_not(arm)
     for i in ("lens-orientation", "clock-offset"):  # without a re-simulation, the sun's image is turned as a whole
         assert BY_ID[i].why_not(arm) == ""
-    assert [b.value for b in BY_ID["clock-offset"].branches(arm)] == ["image", "image"]
+    follows = "the image follows the sun"
+    rings = f"{follows}, below tubes by the sun's height and azimuth"
+    clocks = [follows, rings, f"{follows}, by the roof's clock", f"{rings}, by the roof's clock"]
+    assert [b.label for b in BY_ID["clock-offset"].branches(arm)] == clocks
     turns = ["turn of the sun's image", "turn of all light of box", "turn of all light of tube", "turn of every lens"]
     assert [b.label for b in BY_ID["lens-orientation"].branches(arm)] == turns
 
