@@ -9,7 +9,7 @@ from analysis.cases.model import Floats
 from analysis.explain.fields import solid_angle
 from analysis.explain.mechanisms.base import Branch, Stage
 from analysis.explain.mechanisms.retraced import Retraced
-from analysis.explain.mirror_wells import duller_walls, scattering_walls
+from analysis.explain.mirror_wells import cut_short, duller_walls, scattering_walls
 from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
@@ -60,11 +60,12 @@ class BounceTruncation(Retraced):
         return super().why_not(scene)
 
     def branches(self, scene: Scene) -> tuple[Branch, ...]:
-        """A variant that tells no limit of the prediction's has that with it by which as much would be missing.
+        """As simulated again, and by the way that light leaves the well.
 
-        So that what it shows can be simulated for another case, which brings no variant.
+        A variant that tells no limit of the prediction's has that with it by which as much would be missing, so that
+        what it shows can be simulated for another case, which brings no variant.
         """
-        ways = super().branches(scene)
+        ways = (*super().branches(scene), *(Branch(path.label, path) for path in cut_short(scene)))
         own = [b.value for b in ways if b.value.added and not b.value.of_case]
         if not own or scene.readings.case.setup.simulation.max_bounces:
             return ways

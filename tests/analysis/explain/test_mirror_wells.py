@@ -7,7 +7,7 @@ import pytest
 
 from analysis.cases.model import Aperture, System
 from analysis.explain.fields import C_DEG, GAMMA_DEG, solid_angle
-from analysis.explain.mirror_wells import duller_walls, reflections, scattering_walls, wells
+from analysis.explain.mirror_wells import cut_short, duller_walls, reflections, scattering_walls, wells, within
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from tests.analysis.explain.campaign import NONE, TESTS, make_case
@@ -110,3 +110,42 @@ def test_walls_that_scatter_lose_no_light_and_even_it_out(scene: Scene) -> None:
     all_of_it = base * path.sky[-1]
     straight_down = base[:, :, 0] * 1.0
     assert np.all(all_of_it[:, :, 0] > straight_down), "what goes straight down meets no wall, and gets of the rest"
+
+
+def _left(gamma_deg: float, reflectance: float, limit: float, count: int = 200_000) -> float:
+    """Mean of what a tube's walls leave of rays of one direction that meet them at most so often (see `_met`)."""
+    rng = np.random.default_rng(5)
+    sideways = 1.2 * np.tan(np.radians(gamma_deg)) / 0.36
+    # of a level beam through a disc, chords are as even in their distance from the axis
+    met = np.floor(sideways / np.sqrt(1.0 - rng.uniform(size=count) ** 2) + 0.5)
+    return float(np.mean(np.where(met <= limit, reflectance**met, 0.0)))
+
+
+@pytest.mark.parametrize("gamma_deg", [20.0, 50.0, 70.0])
+@pytest.mark.parametrize("limit", [2, 5])
+def test_what_a_limit_leaves_of_a_tubes_light(scene: Scene, gamma_deg: float, limit: int) -> None:
+    (tube,) = (w for w in wells(scene) if w.name == "tube")
+    at = int(np.argmin(np.abs(GAMMA_DEG - gamma_deg)))
+    for most, bound in ((limit, limit), (None, np.inf)):
+        assert within(tube, most)[:, at] == pytest.approx(_left(float(GAMMA_DEG[at]), 0.95, bound), abs=0.02)
+
+
+def test_light_that_was_cut_comes_back_by_the_way_it_leaves(scene: Scene) -> None:
+    """None towards nadir, ever more of the light that leaves obliquely, and less under a higher limit."""
+    ways = {p.label: p for p in cut_short(scene)}
+    few, many = ways["as light leaves, after 6, tube only"], ways["as light leaves, after 24"]  # none of the box's
+    tube = [k for k, t in enumerate(scene.readings.case.tests) if t.system == "tube"]
+    others = [k for k in range(len(scene.readings.case.tests)) if k not in tube]
+    for path in (few, many):
+        assert np.all(path.sun[0] == 1.0) and np.all(path.sun[1][others] == 1.0)
+        ratio = path.sun[1][tube[0], 0]
+        assert ratio[0] == pytest.approx(1.0) and np.all(np.diff(ratio) >= -2e-3)
+        assert np.array_equal(path.sun, path.sky)
+    assert np.all(few.sun[1] >= many.sun[1] - 1e-9) and np.max(few.sun[1] - many.sun[1]) > 0.1
+
+
+def test_a_limit_that_is_stated_is_the_one(tmp_path: Path) -> None:
+    system = {"id": "tube", "kind": "tube", "aperture": {"shape": "disc", "diameter_m": 0.36}, "well_depth_m": 1.2}
+    mirrors = [system | {"wall_finish": "specular", "wall_reflectance": 0.95}]
+    case = make_case(tmp_path, flaws=NONE, change={"system": mirrors, "simulation": {"max_bounces": 9}})
+    assert [p.label for p in cut_short(Scene(Readings.of(case)))] == ["as light leaves, after 9"]
