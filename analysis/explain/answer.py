@@ -13,6 +13,7 @@ from analysis.cases.read import COLUMNS
 from analysis.explain import found_lenses
 from analysis.explain.conclusion import Unnamed
 from analysis.explain.condense import condensed
+from analysis.explain.elsewhere import elsewhere
 from analysis.explain.fit import Fit
 from analysis.explain.heldout import deviations, rms
 from analysis.explain.locate import Mismatch
@@ -130,7 +131,9 @@ def _model(scene: Scene, term: Term, fit: Fit, k: int) -> dict[str, Any]:
     """What `labdaq predict` needs to apply a mechanism elsewhere."""
     theta, sd = _of_term(fit, k)
     only = _systems_changed(scene, term, theta)
+    ours = elsewhere(scene, fit, k)
     return {
+        **({"elsewhere": ours} if ours else {}),
         "id": term.mechanism.id,
         "way": term.branch.label,
         "facts": term.branch.facts,

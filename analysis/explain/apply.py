@@ -96,8 +96,22 @@ def _is_entry(entry: object) -> bool:
     only = entry.get("only", [])
     if not isinstance(only, list) or not all(isinstance(name, str) for name in only):
         return False
+    if not _is_elsewhere(entry.get("elsewhere")):
+        return False
     sizes = {len(entry["theta"]), len(entry["sd"]), len(entry.get("names") or [])}
     return len(sizes) == 1 and isinstance(facts, dict) and all(isinstance(x, int | float) for x in facts.values())
+
+
+def _is_elsewhere(told: object) -> bool:
+    """Whether it is what `analysis.explain.elsewhere` tells, or nothing."""
+    if told is None:
+        return True
+    if not isinstance(told, dict) or not isinstance(told.get("way"), str):
+        return False
+    theta, names = told.get("theta"), told.get("names")
+    if not isinstance(theta, list) or not isinstance(names, list) or len(theta) != len(names):
+        return False
+    return all(isinstance(x, int | float) for x in (*theta, told.get("share")))
 
 
 def apply_model(model: Model, case: Case, simulator: Simulator | None = None) -> str:
@@ -133,9 +147,9 @@ def _usual(readings: Readings) -> Floats:
 
 
 def _term(entry: dict[str, Any], scene: Scene) -> Term:
-    mechanism, facts = BY_ID[entry["id"]], dict(entry["facts"])
+    mechanism, facts, share = BY_ID[entry["id"]], dict(entry["facts"]), float(entry.get("share", 1.0))
     if scene.retraced is not None and (brought := _of_label(entry, _brought(mechanism, scene, scene.retraced))):
-        return replace(brought[0], branch=replace(brought[0].branch, facts=facts))
+        return replace(brought[0], branch=replace(brought[0].branch, facts=facts), share=share)
     because = mechanism.why_not(scene)
     ways = () if because else terms_of(mechanism, scene)
     if {"from_utc_s", "until_utc_s"} & set(facts):
@@ -151,7 +165,7 @@ def _term(entry: dict[str, Any], scene: Scene) -> Term:
             "bring the variants, systems, channels or facts that the mechanism needs (labdaq mechanisms)",
         )
     branch = replace(found[0].branch, facts=facts)
-    return replace(found[0], branch=branch, parameters=mechanism.parameters_in(scene, branch))
+    return replace(found[0], branch=branch, parameters=mechanism.parameters_in(scene, branch), share=share)
 
 
 def _brought(mechanism: Mechanism, scene: Scene, retraced: Retraced) -> tuple[Term, ...]:

@@ -15,8 +15,19 @@ Entry = dict[str, Any]
 
 def in_own_words(entry: Entry, scene: Scene) -> Entry:
     """The same entry, or that of our own simulation where the case brings no variant that the entry is of."""
-    translate = _TRANSLATED.get(entry["id"])
-    return translate(entry, scene) if translate and entry["way"].startswith(OF_CASE) else entry
+    if not entry["way"].startswith(OF_CASE):
+        return entry
+    translate = _TRANSLATED.get(entry["id"], _as_shown_elsewhere)
+    return translate(entry, scene)
+
+
+def _as_shown_elsewhere(entry: Entry, scene: Scene) -> Entry:
+    """What of our own simulation was most like it in the tests that were fitted (`analysis.explain.elsewhere`)."""
+    ours = entry.get("elsewhere")
+    if _brings(entry, scene) or not ours:
+        return entry
+    wide = [abs(x) for x in entry["sd"][:1]] if ours["names"] == entry["names"] else [0.0]
+    return {**entry, **ours, "sd": wide}
 
 
 def _as_a_limit(entry: Entry, scene: Scene) -> Entry:
@@ -59,7 +70,7 @@ _TRANSLATED: Final[Mapping[str, Callable[[Entry, Scene], Entry]]] = {
     WallScatter.id: _as_scatter,
     WallReflectance.id: _as_one_wall,
 }
-"""By mechanism; what is not here is told alike by both."""
+"""By mechanism; of others our own simulation tells what was most like it."""
 
 
 def _brings(entry: Entry, scene: Scene) -> bool:

@@ -199,37 +199,44 @@ class Mechanism:
 class Term:
     """A mechanism acting in one of its ways, with its parameters as they are in this case.
 
-    ``tests`` holds the tests in which it acts (a state may change during a campaign); ``None`` means all.
+    ``tests`` holds the tests in which it acts (a state may change during a campaign); ``None`` means all. ``share`` is
+    how much of its change is seen.
     """
 
     mechanism: Mechanism
     branch: Branch
     parameters: tuple[Parameter, ...]
     tests: frozenset[int] | None = None
+    share: float = 1.0
 
     def illuminate(self, scene: Scene, light: Light, p: Floats) -> None:
-        """Change the light, in the tests where the mechanism acts."""
-        if self.tests is None:
+        """Change the light, in the tests where the mechanism acts, by the share that is seen."""
+        if self.tests is None and self.share == 1.0:
             self.mechanism.illuminate(scene, light, p, self.branch)
             return
         before = replace(light)
         self.mechanism.illuminate(scene, light, p, self.branch)
-        rows, fields = self._rows(scene), np.isin(np.arange(len(light.sun)), list(self.tests))[:, None, None]
-        for name in ("sun_factor", "sky_factor", "gamma_deg", "c_deg"):
-            setattr(light, name, np.where(rows, getattr(light, name), getattr(before, name)))
-        for name in ("sun", "sky"):
-            setattr(light, name, np.where(fields, getattr(light, name), getattr(before, name)))
+        rows, fields = self._rows(scene), np.isin(np.arange(len(light.sun)), self._tests(scene))[:, None, None]
+        parts = {"sun_factor": rows, "sky_factor": rows, "gamma_deg": rows, "c_deg": rows, "sun": fields, "sky": fields}
+        for name, here in parts.items():
+            setattr(light, name, self._seen(here, getattr(before, name), getattr(light, name)))
         if light.added.size > 1:
-            light.added = np.where(fields, light.added, before.added)
+            light.added = self._seen(fields, before.added, light.added)
 
     def respond(self, scene: Scene, values: Floats, p: Floats) -> Floats:
         """What the sensors make of ``values``, in the tests where the mechanism acts."""
         made = self.mechanism.respond(scene, values, p, self.branch)
-        return made if self.tests is None else np.where(self._rows(scene), made, values)
+        return made if self.tests is None and self.share == 1.0 else self._seen(self._rows(scene), values, made)
+
+    def _seen(self, here: NDArray[np.bool_], before: Floats, made: Floats) -> Floats:
+        """The share of a change that is seen where it is."""
+        return np.where(here, made if self.share == 1.0 else before + self.share * (made - before), before)
+
+    def _tests(self, scene: Scene) -> list[int]:
+        return list(range(len(scene.readings.case.tests)) if self.tests is None else self.tests)
 
     def _rows(self, scene: Scene) -> NDArray[np.bool_]:
-        assert self.tests is not None
-        return np.isin(scene.readings.test, list(self.tests))
+        return np.isin(scene.readings.test, self._tests(scene))
 
 
 def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
