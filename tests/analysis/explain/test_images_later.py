@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.cases.model import Floats
-from analysis.explain.fields import C_DEG, GAMMA_DEG
-from analysis.explain.images_later import in_tubes, middles, with_height_and_azimuth, with_the_sun
+from analysis.explain.fields import C_DEG, GAMMA_DEG, Fields
+from analysis.explain.images_later import in_tubes, middles, ring_per_height, with_height_and_azimuth, with_the_sun
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings, sun_at
@@ -18,9 +18,14 @@ from tests.analysis.explain.campaign import make_case
 LATE = [-12.0, 7.0, 25.0]
 
 
-def ring(altitude_deg: Floats, azimuth_deg: Floats) -> Floats:
-    """What a long mirrored tube makes of suns: a ring as far from nadir as the sun from the zenith; (T, P, G)."""
-    from_it = GAMMA_DEG[None, None, :] - (90.0 - altitude_deg)[:, None, None]
+def ring(suns: tuple[Floats, Floats], follows: float = 1.0) -> Floats:
+    """What a long mirrored tube makes of suns: a ring about nadir as far as the suns from the zenith; (T, P, G).
+
+    Or a ring that ``follows`` their height by so much only, beneath a lens that draws light together.
+    """
+    altitude_deg, azimuth_deg = suns
+    radius = 12.0 * (1.0 - follows) + follows * (90.0 - altitude_deg)
+    from_it = GAMMA_DEG[None, None, :] - radius[:, None, None]
     onwards = np.radians(C_DEG[None, :, None] - (180.0 - azimuth_deg)[:, None, None])
     return np.asarray((2.0 + np.cos(onwards)) * np.exp(-0.5 * (from_it / 9.0) ** 2) + 0.01)
 
@@ -30,22 +35,44 @@ def suns(scene: Scene, minutes: float) -> tuple[Floats, Floats]:
     return sun_at(scene.readings.case, middles(scene) + late)
 
 
+def with_sun(scene: Scene, sun: Floats) -> Scene:
+    """The same scene, whose prediction has another sun part."""
+    made = dataclasses.replace(scene, memory={}, lit={})
+    made.__dict__["fields"] = Fields(sun, scene.fields.sky)
+    return made
+
+
+@pytest.mark.parametrize("follows", [1.0, 0.6])
 @pytest.mark.parametrize("minutes", LATE)
-def test_a_ring_widens_as_the_sun_sinks_and_turns_with_its_azimuth(arm: Scene, minutes: float) -> None:
+def test_a_ring_widens_as_the_sun_sinks_and_turns_with_its_azimuth(arm: Scene, minutes: float, follows: float) -> None:
     """To what cubics leave of a ring 9° wide; turned about the arc of the sun it would be no ring.
 
-    A ring that is hardly wider than that itself lies over its own other side.
+    A ring that is hardly wider than that itself lies over its own other side; what lies beyond the horizon is not seen.
     """
-    now, later = ring(*suns(arm, 0.0)), ring(*suns(arm, minutes))
-    wide = suns(arm, 0.0)[0] < 60.0
-    assert wide.sum() >= 3 and np.max(np.abs(later - now)[wide]) > 0.02
-    assert with_height_and_azimuth(arm, now, minutes)[wide] == pytest.approx(later[wide], abs=0.02)
-    arc = with_the_sun(arm, now, minutes)[wide] - later[wide]
+    now, later = ring(suns(arm, 0.0), follows), ring(suns(arm, minutes), follows)
+    scene, height = with_sun(arm, now), suns(arm, 0.0)[0]
+    assert scene.remember(ring_per_height)[in_tubes(arm)] == pytest.approx(follows, abs=0.15)
+    wide = in_tubes(arm) & (height < 60.0)
+    assert wide.sum() >= 2 and np.max(np.abs(later - now)[wide]) > 0.02
+    moved = with_height_and_azimuth(scene, now, minutes)
+    assert np.max(np.abs(moved - later)[wide]) < 0.2 * np.max(np.abs(later - now)[wide])
+    arc = with_the_sun(scene, now, minutes)[wide] - later[wide]
     assert np.max(np.abs(arc)) > 0.5 * np.max(np.abs(later - now)[wide])
 
 
+def test_suns_alike_tell_nothing_of_how_a_ring_follows(arm: Scene) -> None:
+    same = (np.full_like(part, part[-1]) for part in suns(arm, 0.0))
+    scene = with_sun(arm, ring((next(same), next(same))))
+    tests = [t.model_copy(update={"sun_altitude_deg": 40.0 + 0.5 * k}) for k, t in enumerate(arm.readings.case.tests)]
+    setup = arm.readings.case.setup.model_copy(update={"test": tuple(tests)})
+    case = dataclasses.replace(arm.readings.case, setup=setup)
+    alike = dataclasses.replace(scene, readings=dataclasses.replace(scene.readings, case=case), memory={})
+    alike.__dict__["fields"] = scene.fields
+    assert ring_per_height(alike) == pytest.approx(1.0)
+
+
 def test_no_time_changes_nothing(arm: Scene) -> None:
-    now = ring(*suns(arm, 0.0))
+    now = ring(suns(arm, 0.0))
     assert with_height_and_azimuth(arm, now, 0.0) == pytest.approx(now)
 
 
