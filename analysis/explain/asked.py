@@ -94,7 +94,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     not of what the prediction lacks by the case's own account, nor of what repeated readings show; no lens is wrong at
     one sensor alone, or as a clock is.
     (Where a sensor's gain led, in five of 200 by three other authors, it was true; so were walls that scatter in nine
-    cases of nine, by eight authors, where they led with more than 10 nats.)
+    cases of nine, by eight authors, where they led with more than 10 nats; in three of a ninth author's they were not.)
     """
     lens = h.fit.hyper.lens
     never_wrong = {ChannelGain.id, WallScatter.id, *found.lacked, *found.shown}
