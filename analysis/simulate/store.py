@@ -10,12 +10,18 @@ import io
 import json
 import os
 import tempfile
+import threading
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+_READING = threading.Lock()
+"""One thread reads at a time: numpy parses each array's header as Python, and before 3.11.8 two parses that overlap may
+end in a SystemError (CPython issue 106905)."""
 
 
 def cache_folder(kind: str) -> Path:
@@ -46,9 +52,9 @@ def kept(kind: str, recipe: Mapping[str, Any], make: Callable[[], dict[str, NDAr
     """
     path = cache_folder(kind) / f"{content_key(recipe)}.npz"
     try:
-        with np.load(path) as stored:
+        with _READING, path.open("rb") as file, np.load(file) as stored:
             return {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, KeyError):
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
         pass
     arrays, packed = make(), io.BytesIO()
     np.savez(packed, allow_pickle=False, **arrays)
