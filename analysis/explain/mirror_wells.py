@@ -33,13 +33,14 @@ LIMITS: Final = (6, 12, 24)
 _LEAST, _MOST = 0.05, 0.998
 _TIMES: Final = 3.0
 """Light that was cut is told by what was left in its direction, as at most so many times that."""
-_RAYS: Final = 64
+_CHORDS: Final = 48
+_BEGUN: Final = 12
 _LAST_DEG: Final = 86.0  # of light that grazes, no more reflections are counted
 
 
 @dataclass(frozen=True)
 class Well:
-    """A mirroring well: its tests, what its walls were supposed to reflect, reflections by direction (P, G)."""
+    """A mirroring well: its tests, what its walls were supposed to reflect, reflections by direction (P, G), and whether it is round."""
 
     name: str
     tests: list[int]
@@ -127,14 +128,16 @@ def _cut(scene: Scene, there: list[Well], limit: int) -> Floats:
 def within(well: Well, limit: int | None) -> Floats:
     """Share of the light to each direction that leaves after at most ``limit`` bounces, by what walls take; (P, G).
 
-    Rays of one direction meet a tube's wall in chords of all lengths, those of a straight line's distance from its axis
-    as even shares; flat walls once more or once less.
+    A beam that fills a tube goes in chords beside its axis, as much of it in each as that is long (the mean chord is
+    that of `reflections`), and begins anywhere on its chord; between flat walls it meets them once more or once less.
     """
-    beside = (np.arange(_RAYS) + 0.5) / _RAYS
-    mean = well.reflections[..., None]
-    met = np.floor(mean * np.pi / 4.0 / np.sqrt(1.0 - beside**2) + 0.5) if well.round else np.floor(mean + beside)
+    begun = (np.arange(_BEGUN) + 0.5) / _BEGUN
+    chord = np.sqrt(1.0 - ((np.arange(_CHORDS) + 0.5) / _CHORDS) ** 2) if well.round else np.ones(1)
+    mean = np.pi / 4.0 if well.round else 1.0
+    met = np.floor(well.reflections[..., None, None] * mean / chord[:, None] + begun)
     left = well.reflectance**met
-    return np.asarray((left if limit is None else np.where(met <= limit, left, 0.0)).mean(axis=-1))
+    kept = left if limit is None else np.where(met <= limit, left, 0.0)
+    return np.asarray(kept.mean(axis=-1) @ chord / chord.sum())
 
 
 def _dimmed(scene: Scene, well: Well, factor: float) -> Field:
