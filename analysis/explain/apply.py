@@ -109,7 +109,7 @@ def _is_elsewhere(told: object) -> bool:
     if not isinstance(told, dict) or not isinstance(told.get("way"), str):
         return False
     theta, names = told.get("theta"), told.get("names")
-    if not isinstance(theta, list) or not isinstance(names, list) or len(theta) != len(names):
+    if not isinstance(theta, list) or not isinstance(names, list) or not len(theta) == len(names) == 1:
         return False
     return all(isinstance(x, int | float) for x in (*theta, told.get("share")))
 

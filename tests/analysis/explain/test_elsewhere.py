@@ -24,7 +24,7 @@ ENTRY = {"id": "lens-orientation", "way": TURNED, "names": ["rotation_deg"], "th
 
 
 class Ours(Untraced):
-    """Our own simulation of turned lenses: so many times what the case's variant shows, or what it shows mirrored."""
+    """Our own simulation of turned lenses."""
 
     path: Along
 
@@ -102,7 +102,17 @@ def test_another_case_gets_so_much_of_our_own_way(tmp_path: Path) -> None:
     assert half == pytest.approx((whole + bare) / 2.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("told", [3, {"way": 1}, {"way": "", "names": [], "theta": [1.0], "share": 1.0}, {"way": ""}])
+@pytest.mark.parametrize(
+    "told",
+    [
+        3,
+        {"way": 1},
+        {"way": ""},
+        {"way": "", "names": [], "theta": [1.0], "share": 1.0},
+        {"way": "", "names": ["a", "b"], "theta": [1.0, 2.0], "share": 1.0},
+        {"way": "", "names": ["a"], "theta": [1.0], "share": "all"},
+    ],
+)
 def test_what_is_told_of_other_cases_must_be_whole(tmp_path: Path, told: object) -> None:
     entry = {**ENTRY, "elsewhere": told}
     content = {"format": "labdaq-explanation/1", "verdict": "explained", "model": [entry], "shared_error": {}}
