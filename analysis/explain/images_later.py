@@ -45,10 +45,8 @@ def with_height_and_azimuth(scene: Scene, field: Floats, minutes: float) -> Floa
     """
     case, middle = scene.readings.case, middles(scene)
     now, later = sun_at(case, middle), sun_at(case, middle + np.int64(round(minutes * 60e9)))
-    sinks, turns = (
-        scene.remember(ring_per_height) * (now[0] - later[0]),
-        now[1] - later[1],
-    )  # C runs against the azimuth
+    sinks = scene.remember(ring_per_height) * (now[0] - later[0])
+    turns = now[1] - later[1]  # C runs against the azimuth
     planes, rings = field.shape[1:]
     tests = np.repeat(np.arange(len(field)), planes * rings)
     c, gamma = (np.broadcast_to(x, field.shape) for x in (C_DEG[None, :, None], GAMMA_DEG[None, None, :]))
