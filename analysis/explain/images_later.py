@@ -16,6 +16,7 @@ from labdaq import directions
 _APART_DEG: Final = 8.0
 """Suns of one system whose heights differ by no more tell nothing of how its ring follows them."""
 _SLOPES: Final = (0.3, 1.2)
+"""By how much a ring may follow its sun, at least and at most."""
 
 
 def middles(scene: Scene) -> NDArray[np.int64]:

@@ -35,12 +35,13 @@ _TIMES: Final = 3.0
 """Light that was cut is told by what was left in its direction, as at most so many times that."""
 _CHORDS: Final = 48
 _BEGUN: Final = 12
+"""Chords of a tube, and places on each where rays begin, over which bounces are averaged."""
 _LAST_DEG: Final = 86.0  # of light that grazes, no more reflections are counted
 
 
 @dataclass(frozen=True)
 class Well:
-    """A mirroring well: its tests, what its walls were supposed to reflect, reflections by direction (P, G), and whether it is round."""
+    """A mirroring well: its tests, what walls are supposed to reflect, reflections by direction (P, G), its shape."""
 
     name: str
     tests: list[int]
@@ -103,7 +104,7 @@ def cut_short(scene: Scene) -> Iterator[Path]:
     """Paths along the share of the light in each direction that a limit of bounces cut as often as it says.
 
     The rest was spread there by a last lens. (Below another author's tubes, cut after 12 bounces, what a clear one
-    lacked went with this to .97, with what our own simulation cuts to .59, and with its ratio to what is left to .93.)
+    lacked went with this to .98, with what our own simulation cuts to .59, and with its ratio to what is left to .93.)
     """
     stated, there = scene.readings.case.setup.simulation.max_bounces, wells(scene)
     tests = {well.name: well.tests for well in there}
