@@ -25,7 +25,7 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
 
     Only of what the case brings itself, in tests that its variants cover.
     """
-    term = fit.terms[k]
+    term, r = fit.terms[k], scene.readings
     if not term.branch.of_case:
         return {}
     start = sum(len(t.parameters) for t in fit.terms[:k])
@@ -36,7 +36,7 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
         """What it changes in the covered tests, a gain per test removed; zero in the rest."""
         terms = (*fit.terms[:k], other, *fit.terms[k + 1 :])
         made = predict(scene, terms, np.concatenate([fit.theta[:start], own, fit.theta[end:]]))
-        return _free_of_gains(scene, scene.readings.stretched(made) - scene.readings.stretched(bare))
+        return r.free_of_gains(r.stretched(made) - r.stretched(bare))
 
     shown = change(term, fit.theta[start:end])
     found = dict(zip([p.name for p in term.parameters], fit.theta[start:end].tolist(), strict=True))
@@ -74,9 +74,3 @@ def _covered(scene: Scene, shown: Floats) -> NDArray[np.bool_]:
     """Whether each row's test is one in which something was shown; (N,)."""
     test = scene.readings.test
     return np.isin(test, np.unique(test[np.abs(shown) > 1e-9]))
-
-
-def _free_of_gains(scene: Scene, change: Floats) -> Floats:
-    test = scene.readings.test
-    mean = np.bincount(test, weights=change) / np.maximum(np.bincount(test), 1)
-    return np.asarray(change - mean[test])

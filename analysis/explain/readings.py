@@ -147,6 +147,11 @@ class Readings:
         """
         return np.arcsinh(values / self.floor)
 
+    def free_of_gains(self, change: Floats) -> Floats:
+        """Changes (N,) on the stretched scale without what all readings of a test have in common."""
+        mean = np.bincount(self.test, weights=change) / np.maximum(np.bincount(self.test), 1)
+        return np.asarray(change - mean[self.test])
+
     @cached_property
     def scale(self) -> Floats:
         """Change of a reading that is one on the stretched scale: sqrt(reading² + floor²); shape (N,)."""

@@ -288,8 +288,7 @@ class Search:
                 continue
             change = (with_it - predict(self.scene, *without(fit.terms, fit.theta, k))) / r.scale
             if np.any(self.scene.is_gonio):
-                mean = np.bincount(r.test, weights=change) / np.maximum(np.bincount(r.test), 1)
-                change = change - mean[r.test]
+                change = r.free_of_gains(change)
             sizes.append(float(np.sqrt(np.mean(change**2))))
         return min(sizes, default=0.0)
 
