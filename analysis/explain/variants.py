@@ -13,6 +13,7 @@ from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
+from analysis.explain.uncovered import completed
 from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
@@ -72,7 +73,7 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
             if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
                 idle.append(way)
                 continue
-            quiet = without_rays(way, base, step)
+            quiet = completed(without_rays(way, base, step), kind.mechanism, simulator, base, systems)
             paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), quiet)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
                 walls[alone] = quiet
@@ -250,7 +251,7 @@ def _alike(walls: tuple[Path, ...]) -> Path:
 
 
 def _ratio(case: Case, base: Fields, variant: Variant) -> tuple[Floats, Floats]:
-    """Variant over baseline for both parts (T, P, G); 1 in tests the variant does not cover."""
+    """Variant over baseline for both parts (T, P, G); 1 in tests that the variant does not cover."""
     sun, sky = np.ones_like(base.sun), np.ones_like(base.sky)
     for k, test in enumerate(case.tests):
         if parts := variant.simulated.get(test.id):

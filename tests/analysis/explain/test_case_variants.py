@@ -1,6 +1,6 @@
 """The case's own variants: the same simulation run again with one thing changed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.readings import Readings
+from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.variants import retraced_of
@@ -35,14 +36,22 @@ Run = Callable[[Sky, Floats, Floats], Floats]
 
 
 def varied(
-    folder: Path, *variants: tuple[str, dict[str, Any], Run, str], tests: tuple[Sky, ...] = TESTS, **change: Any
+    folder: Path,
+    *variants: tuple[str, dict[str, Any], Run, str],
+    tests: tuple[Sky, ...] = TESTS,
+    left: Collection[str] = (),
+    simulator: Simulator | None = None,
+    **change: Any,
 ) -> Scene:
-    """A scene whose case brings variants: mechanism, setting, sun part, and the system that was run ("" for all)."""
+    """A scene whose case brings variants: mechanism, setting, sun part, and the system that was run ("" for all).
+
+    Tests that are ``left`` were run for none.
+    """
     files, tables = {}, []
     for n, (mechanism, setting, run, system) in enumerate(variants):
         table: dict[str, Any] = {"mechanism": mechanism, "setting": setting, "simulated": {}}
         for t in tests:
-            if system in ("", t.system):
+            if system in ("", t.system) and t.id not in left:
                 candela = run(t, GAMMA[None, :], C[:, None])
                 candela[-1] = candela[0]
                 keywords = {"TEST": "x", "TESTLAB": "x", "ISSUEDATE": "x", "MANUFAC": "x"}
@@ -52,7 +61,7 @@ def varied(
                 table["simulated"][t.id] = {"sun": name, "sky": f"simulated/{t.id}-sky.ies"}
         tables.append(table)
     case = make_case(folder, flaws=NONE, tests=tests, change={"variant": tables, **change}, more=files)
-    return Scene(Readings.of(case), retraced_of(case))
+    return Scene(Readings.of(case), retraced_of(case, simulator))
 
 
 def times(factor: float) -> Run:
