@@ -78,6 +78,7 @@ def test_what_has_no_prisms_and_what_has_no_sun_stays() -> None:
     assert like(SYSTEMS["top"], nothing, grey) is SYSTEMS["top"]
 
 
+@pytest.mark.slow
 def test_a_wall_changes_what_it_changes_in_the_prediction_only_below_the_right_lens() -> None:
     """The reason for all this: the same change of a wall, below the supposed lens and below the one that is found."""
     made = {"entry.blur_deg": 11.0, "exit.blur_deg": 11.0, "exit.prisms": "down", "exit.slope_deg": 36.0}
@@ -165,6 +166,7 @@ def test_what_a_lens_spreads_as_light_leaves_is_no_moulding() -> None:
     assert likeness_of(SYSTEMS["tube"], predicted(STEEP)).spread_deg == 0.0
 
 
+@pytest.mark.slow
 def test_a_turn_of_a_rough_lens_is_told_by_its_spread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Facets that lean at random lose the pattern, and with it what a turn of it does."""
 
@@ -189,6 +191,7 @@ def test_a_prediction_that_had_a_flat_cover_and_no_boot_is_recognised() -> None:
     assert (found.rise_m, found.boot_height_m) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_directions_that_no_prediction_is_known_for_do_not_count() -> None:
     seen = predicted(STEEP)
     odd = np.where(GAMMA_DEG > 60.0, seen.max(), seen)
@@ -201,6 +204,7 @@ def test_directions_that_no_prediction_is_known_for_do_not_count() -> None:
     assert found(odd, 90.0) != found(seen, 90.0)
 
 
+@pytest.mark.slow
 def test_of_a_sum_the_suns_part_is_likened() -> None:
     """What the sky adds is no haze of the lens, which it is where a sum is taken for the sun's part."""
     seen = predicted(STEEP)

@@ -74,7 +74,7 @@ def _explained(folder: Path, truth: Truth, tests: tuple[Sky, ...] = TESTS) -> di
     return content
 
 
-_OTHERS_LIKE_IT = {"c", "gamma", "gain", "power", "leak", "room", "soiling"}
+_OTHERS_LIKE_IT = {"c", "darks", "gamma", "gain", "power", "leak", "room", "soiling"}
 """Worlds that prove nothing that another does not, but for their own mechanism."""
 
 
@@ -187,7 +187,7 @@ def test_a_meter_that_is_not_level_is_found(tmp_path: Path) -> None:
     assert held["after"]["rms_percent"] < 0.3 * held["before"]["rms_percent"]
 
 
-@pytest.mark.parametrize("scale", [1.0 / 3.1, 2.5])
+@pytest.mark.parametrize("scale", [1.0 / 3.1, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_a_scale_of_all_readings_is_told_and_is_no_physics(tmp_path: Path, scale: float) -> None:
     """A third of the light had been dirt, with a probability of .95; what acts beside the scale is still found."""
     nothing = answer(explain(make_case(tmp_path / "nothing", lambda rows: scale * light(rows), tests=TESTS[::2])))
@@ -199,6 +199,7 @@ def test_a_scale_of_all_readings_is_told_and_is_no_physics(tmp_path: Path, scale
     assert [m["id"] for m in turned["mechanisms"]] == ["c-offset"]
 
 
+@pytest.mark.slow
 def test_two_heads_of_one_make_err_alike(tmp_path: Path) -> None:
     """Both meters read the low sun's beam too high, and the sky as much as its mean over a uniform one."""
     altitude = sun_of(ROOF_TESTS, 60.0)[0]

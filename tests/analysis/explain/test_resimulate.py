@@ -71,6 +71,7 @@ def scene(simulated: OwnSimulation) -> Scene:
     return scene_of(simulated.case, simulated)
 
 
+@pytest.mark.slow
 def test_only_what_is_asked_for_is_traced_and_comes_out_the_same(simulated: OwnSimulation, made: Retracings) -> None:
     """A prediction asks for the mechanisms that were found, and takes the time of those."""
     some = simulator_of(simulated.case, {"soiling", "gamma-offset"})

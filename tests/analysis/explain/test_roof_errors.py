@@ -134,6 +134,7 @@ def test_what_is_wrong_alike_on_all_days_is_no_gain(roof: Scene) -> None:
         assert left_of(0.1 * rows, effects) > 0.999
 
 
+@pytest.mark.slow
 def test_a_gain_is_told_beside_all_this(roof: Scene, tmp_path: Path) -> None:
     rng, r = np.random.default_rng(5), roof.readings
     read = r.simulated * np.where(r.channel == 0, 1.08, 1.0) * (1.0 + 0.002 * rng.normal(size=len(r)))

@@ -167,6 +167,7 @@ def test_a_meter_that_follows_the_temperature_is_a_conjecture_and_no_name(tmp_pa
     assert max(content["unnamed"], key=lambda u: float(u["nats"]))["along"] == "warming meter"
 
 
+@pytest.mark.slow
 def test_dew_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
     """In an hour and a half two thirds of the water are gone; only on one morning was there any."""
     since_h = (moments() - moments()[0]) / 3.6e12
@@ -287,6 +288,7 @@ def test_a_cloud_between_the_first_two_readings_is_no_trend() -> None:
     assert 0.0 < low_passed(t, passing, 10.0)[0] < passing[0] + 0.1
 
 
+@pytest.mark.slow
 def test_a_slow_meter_is_a_conjecture_and_no_name(tmp_path: Path) -> None:
     """The mean of the light of each minute of the last two hours, the older the less."""
     ages, lag_min = np.arange(0.0, 120.0), 12.0

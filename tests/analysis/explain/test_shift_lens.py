@@ -101,11 +101,13 @@ def test_a_turn_of_unequal_lobes_is_told_by_the_density_and_not_by_prisms(monkey
     assert by_density > 0.6 and by_density > by_prisms + 0.3
 
 
+@pytest.mark.slow
 def test_prisms_are_kept_where_they_look_more_like_it() -> None:
     steep = SYSTEMS["box"].with_settings({"entry.slope_deg": 36.0, "exit.slope_deg": 36.0})
     assert not any_pattern(like("box", predicted(steep)))
 
 
+@pytest.mark.slow
 def test_a_density_without_a_pattern_is_none_that_could_be_turned() -> None:
     even = system_with("top", lobes((1.0, 0.0, 0.0)))
     assert not any_pattern(like("top", predicted(even)))
@@ -148,6 +150,7 @@ def test_a_lens_that_only_shifts_light_keeps_all_its_direction() -> None:
     assert found.entry.kept == 1.0
 
 
+@pytest.mark.slow
 def test_a_pattern_that_holds_under_no_other_sun_is_none() -> None:
     """What few rays happen to do under three suns can be made of a density, but not under the next two."""
     days = [daylight(h, a, 60_000.0 * np.sin(np.radians(h)), 9_000.0, "perez") for h, a in SUNS]

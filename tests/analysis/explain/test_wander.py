@@ -14,7 +14,7 @@ def _covariance(columns: Floats) -> Floats:
     return np.asarray(columns @ columns.T)
 
 
-@pytest.mark.parametrize("seconds", [25.0, 400.0])
+@pytest.mark.parametrize("seconds", [25.0, pytest.param(400.0, marks=pytest.mark.slow)])
 def test_a_rough_function_of_time_forgets_by_the_root_of_what_a_smooth_one_does(arm: Scene, seconds: float) -> None:
     """Steps at all scales: covariance exp(-Δt / τ) within a test, none between tests."""
     t, test, share = arm.readings.utc_ns / 1e9, arm.readings.test, cloud_share(arm)

@@ -122,7 +122,12 @@ def swirl(path: Path) -> Path:
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"exit.prisms": "up"}, {"exit.orientation_deg": 40.0, "rotation_deg": 25.0}, {"as": "entry"}],
+    [
+        {"exit.orientation_deg": 40.0, "rotation_deg": 25.0},
+        pytest.param({}, marks=pytest.mark.slow),
+        pytest.param({"exit.prisms": "up"}, marks=pytest.mark.slow),
+        pytest.param({"as": "entry"}, marks=pytest.mark.slow),
+    ],
 )
 def test_radiance_sees_the_same_file_the_same_way(tmp_path: Path, changes: dict[str, object]) -> None:
     """A sky with one bright cap, and a lens without symmetry: flux and mean direction; as cover or as exit lens."""
