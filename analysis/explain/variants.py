@@ -13,7 +13,7 @@ from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
-from analysis.explain.uncovered import completed
+from analysis.explain.variant_gaps import without_gaps
 from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
@@ -73,7 +73,7 @@ def retraced_of(case: Case, simulator: Simulator | None = None) -> Retraced:
             if tells in (Tells.HAS, Tells.LESS) or is_idle(readings, base, way):
                 idle.append(way)
                 continue
-            quiet = completed(without_rays(way, base, step), kind.mechanism, simulator, base, systems)
+            quiet = without_gaps(without_rays(way, base, step), kind.mechanism, simulator, base, systems)
             paths[kind.mechanism] = (*paths.get(kind.mechanism, ()), quiet)
             if alone and kind.mechanism == _WALLS and kind.key == "wall_reflectance":
                 walls[alone] = quiet

@@ -16,7 +16,7 @@ from analysis.explain.fields import Fields, solid_angle
 from analysis.explain.retrace import Path, Simulator
 
 
-def completed(
+def without_gaps(
     path: Path, mechanism: str, simulator: Simulator | None, base: Fields, systems: Mapping[str, list[int]]
 ) -> Path:
     """A path of ratios with the tests that it leaves as predicted; ``systems`` are the tests (indices) of each.
