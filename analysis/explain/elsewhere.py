@@ -18,12 +18,13 @@ from analysis.explain.mechanisms.base import Term, predict
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Scene
+from analysis.explain.variant_gaps import seen_of
 
 
 def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
     """The k-th mechanism of a fit in our own way: its name, settings, and share; empty where there is none.
 
-    Only of what the case brings itself, in tests that its variants cover.
+    Only of what the case brings itself, in tests that its variants cover, or in which their gaps were filled.
     """
     term, r = fit.terms[k], scene.readings
     if not term.branch.of_case:
@@ -33,7 +34,7 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
     bare = predict(scene, *without(fit.terms, fit.theta, k))
 
     def change(other: Term, own: Floats) -> Floats:
-        """What it changes in the covered tests, a gain per test removed; zero in the rest."""
+        """What it changes in those tests, a gain per test removed; zero in the rest."""
         terms = (*fit.terms[:k], other, *fit.terms[k + 1 :])
         made = predict(scene, terms, np.concatenate([fit.theta[:start], own, fit.theta[end:]]))
         return r.free_of_gains(r.stretched(made) - r.stretched(bare))
@@ -45,8 +46,7 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
     for way in _our_ways(scene, term):
         for at in _settings(way, found):
             made = np.where(_covered(scene, shown), change(way, np.array([at])), 0.0)
-            share = float(np.clip(made @ shown / max(float(made @ made), 1e-30), 0.0, 1.0))
-            left = float(np.sum((shown - share * made) ** 2))
+            left, share = seen_of(made, shown)
             if left < least:
                 names = [p.name for p in way.parameters]
                 told = {"way": way.branch.label, "names": names, "theta": [at], "share": round(share, 4)}

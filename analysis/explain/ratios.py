@@ -15,6 +15,8 @@ _FEW: Final = 0.05
 """The same share of a gamma's mean over C: there the rays are few."""
 _HARDLY_ANY: Final = 1e-4
 """Share of the brightest direction below which even what is usual at a gamma is drawn towards the part's ratio."""
+_NO_LIGHT: Final = 1e-6
+"""Share of the brightest direction that is none."""
 _AT_MOST: Final = (0.02, 50.0)
 """Beyond these a ratio is noise of the rays, not physics."""
 
@@ -43,8 +45,14 @@ def blurred_ratio(new: Floats, old: Floats) -> Floats:
     return np.asarray(np.clip(_drawn(new, old, _DARK * _brightest(old)), *_AT_MOST))
 
 
+def plain_ratio(new: Floats, old: Floats) -> Floats:
+    """Ratio of fields (T, P, G) or (P, G) that share their rays or their lens; 1 where there was no light."""
+    lit = old > _NO_LIGHT * _brightest(old)
+    return np.asarray(np.clip(np.divide(new, old, out=np.ones_like(new), where=lit), *_AT_MOST))
+
+
 def _brightest(field: Floats) -> Floats:
-    """The brightest direction of each test (T, 1, 1), never quite dark [cd]."""
+    """The brightest direction of each test (T, 1, 1), or of the only one (1, 1), never quite dark [cd]."""
     return np.asarray(np.maximum(field.max(axis=(-2, -1), keepdims=True), 1e-12))
 
 

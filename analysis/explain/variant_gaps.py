@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.cases.model import Floats
 from analysis.explain.fields import Fields, solid_angle
+from analysis.explain.ratios import plain_ratio
 from analysis.explain.retrace import Path, Simulator
 
 
@@ -43,11 +44,7 @@ def without_gaps(
 def _ratios(way: Path, at: float, base: Fields) -> tuple[Floats, Floats]:
     """Both parts (T, P, G) over the prediction's at a setting of a way of ours."""
     sun, sky = way.change(at, base)
-    return _over(sun, base.sun), _over(sky, base.sky)
-
-
-def _over(new: Floats, old: Floats) -> Floats:
-    return np.divide(new, old, out=np.ones_like(old), where=old > 0.0)
+    return plain_ratio(sun, base.sun), plain_ratio(sky, base.sky)
 
 
 def _seen(sun: Floats, sky: Floats, base: Fields, tests: NDArray[np.int64]) -> Floats:
@@ -70,9 +67,16 @@ def _most_like(
 
     def tried() -> Iterator[tuple[float, float, int]]:
         for n, (sun, sky) in enumerate(own):
-            made = _seen(sun, sky, base, tests)
-            share = float(np.clip(made @ shown / max(float(made @ made), 1e-30), 0.0, 1.0))
-            yield float(np.sum((shown - share * made) ** 2)), share, n
+            yield *seen_of(_seen(sun, sky, base, tests), shown), n
 
     best = min(tried(), default=None)
     return None if best is None else (best[1], own[best[2]])
+
+
+def seen_of(made: Floats, shown: Floats) -> tuple[float, float]:
+    """What is left of a shown change by the share (0 to 1) of one that we make that is seen in it, and that share.
+
+    The sum of squares, which is least at that share; both changes are of shape (N,).
+    """
+    share = float(np.clip(made @ shown / max(float(made @ made), 1e-30), 0.0, 1.0))
+    return float(np.sum((shown - share * made) ** 2)), share

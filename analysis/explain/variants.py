@@ -11,6 +11,7 @@ from analysis.cases.model import Floats, Variant
 from analysis.explain.fields import Fields, fields_of, from_files, steps_of_file
 from analysis.explain.idle import Tells, is_idle, what_it_tells
 from analysis.explain.parameter import Parameter
+from analysis.explain.ratios import plain_ratio
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
 from analysis.explain.variant_gaps import without_gaps
@@ -18,7 +19,6 @@ from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
-_RATIO = (0.02, 50.0)  # a re-simulated ratio beyond these is noise of the rays, not physics
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
@@ -257,14 +257,8 @@ def _ratio(case: Case, base: Fields, variant: Variant) -> tuple[Floats, Floats]:
         if parts := variant.simulated.get(test.id):
             new_sun, new_sky = from_files(case, parts)
             if parts.total and not parts.sun:
-                whole = _divided(new_sun, base.total[k])
+                whole = plain_ratio(new_sun, base.total[k])
                 sun[k], sky[k] = whole, whole
             else:
-                sun[k], sky[k] = _divided(new_sun, base.sun[k]), _divided(new_sky, base.sky[k])
+                sun[k], sky[k] = plain_ratio(new_sun, base.sun[k]), plain_ratio(new_sky, base.sky[k])
     return sun, sky
-
-
-def _divided(new: Floats, old: Floats) -> Floats:
-    """``new / old``, 1 where there was no light, and never beyond what rays can mean."""
-    ratio = np.divide(new, old, out=np.ones_like(new), where=old > 1e-6 * max(float(old.max(initial=0.0)), 1e-12))
-    return np.clip(ratio, *_RATIO)

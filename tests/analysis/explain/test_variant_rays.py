@@ -8,12 +8,12 @@ import pytest
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.fit import Fitter
 from analysis.explain.mechanisms.catalogue import BY_ID
+from analysis.explain.ratios import plain_ratio
 from analysis.explain.ray_noise import _along_gamma
 from analysis.explain.sampler import Sampler
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
 from analysis.explain.variant_rays import LEAST, NO_MORE, _smooth, scatter, scatter_around
-from analysis.explain.variants import _divided
 from tests.analysis.explain.campaign import TESTS, Floats, Sky, sun_part
 from tests.analysis.explain.test_case_variants import varied
 from tests.analysis.explain.test_ray_noise import rays
@@ -21,7 +21,7 @@ from tests.analysis.explain.test_ray_noise import rays
 LIGHT: Floats = np.asarray(sun_part(TESTS[0], GAMMA_DEG[None, :], C_DEG[:, None]))
 BRIGHT = 0.01 * LIGHT.max() < LIGHT
 DULLER: Floats = np.asarray(1.0 - 0.1 * np.sin(np.radians(GAMMA_DEG))[None, :] ** 2 * np.ones_like(LIGHT))
-MOVED: Floats = _divided(np.asarray(sun_part(TESTS[0], GAMMA_DEG[None, :], C_DEG[:, None] - 15.0)), LIGHT)
+MOVED: Floats = plain_ratio(np.asarray(sun_part(TESTS[0], GAMMA_DEG[None, :], C_DEG[:, None] - 15.0)), LIGHT)
 RAYS: Floats = 0.015 * np.random.default_rng(3).standard_normal(LIGHT.shape)
 
 
