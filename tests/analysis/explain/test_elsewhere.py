@@ -12,24 +12,14 @@ from analysis.explain.apply import Model, apply_model, read_model
 from analysis.explain.elsewhere import elsewhere
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.mechanisms.base import Term, predict
-from analysis.explain.retrace import Path as Along
 from analysis.explain.scene import Scene
 from labdaq.errors import DataError
 from tests.analysis.explain.campaign import WITHHELD, Floats, columns, light, make_case, rows_of
 from tests.analysis.explain.test_case_variants import TURNED, turned, varied
 from tests.analysis.explain.test_mechanisms import term
-from tests.analysis.explain.untraced import Untraced
+from tests.analysis.explain.untraced import Turning
 
 ENTRY = {"id": "lens-orientation", "way": TURNED, "names": ["rotation_deg"], "theta": [20.0], "sd": [1.0], "facts": {}}
-
-
-class Ours(Untraced):
-    """Our own simulation of turned lenses."""
-
-    path: Along
-
-    def paths(self, mechanism: str) -> tuple[Along, ...]:
-        return (self.path,) if mechanism == "lens-orientation" else ()
 
 
 def turned_scene(folder: Path, times: float) -> Scene:
@@ -37,9 +27,10 @@ def turned_scene(folder: Path, times: float) -> Scene:
     scene = varied(folder, ("lens-orientation", {"rotation_deg": 20.0}, turned, ""))
     assert scene.retraced is not None
     path = scene.retraced.case_paths["lens-orientation"][0]
-    ours = Ours()
-    ours.path = dataclasses.replace(
-        path, label="own re-simulation", of_case=False, sun=1.0 + times * (path.sun - 1.0), sky=path.sky
+    ours = Turning(
+        dataclasses.replace(
+            path, label="own re-simulation", of_case=False, sun=1.0 + times * (path.sun - 1.0), sky=path.sky
+        )
     )
     return dataclasses.replace(scene, retraced=dataclasses.replace(scene.retraced, simulator=ours))
 

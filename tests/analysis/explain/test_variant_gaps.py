@@ -10,21 +10,11 @@ from analysis.explain.retrace import Path as Along
 from analysis.explain.scene import Scene
 from tests.analysis.explain.campaign import TESTS
 from tests.analysis.explain.test_case_variants import TURNED, turned, varied
-from tests.analysis.explain.untraced import Untraced
+from tests.analysis.explain.untraced import Turning
 
 VARIANT = ("lens-orientation", {"rotation_deg": 20.0}, turned, "")
 BOX = tuple(t.id for t in TESTS if t.system == "box")
 LEFT = BOX[-1]
-
-
-class Ours(Untraced):
-    """Our own simulation of turned lenses: some paths, and nothing else."""
-
-    def __init__(self, *paths: Along) -> None:
-        self.known = paths
-
-    def paths(self, mechanism: str) -> tuple[Along, ...]:
-        return self.known if mechanism == "lens-orientation" else ()
 
 
 def _path(scene: Scene) -> Along:
@@ -39,7 +29,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Along:
 
 
 def _with(folder: Path, *ours: Along) -> Along:
-    return _path(varied(folder / "case", VARIANT, left={LEFT}, simulator=Ours(*ours)))
+    return _path(varied(folder / "case", VARIANT, left={LEFT}, simulator=Turning(*ours)))
 
 
 def _row(test: str) -> int:
@@ -84,14 +74,16 @@ def test_what_goes_the_other_way_says_nothing(tmp_path: Path, whole: Along) -> N
 
 
 def test_a_system_without_variant_stays_as_predicted(tmp_path: Path, whole: Along) -> None:
-    scene = varied(tmp_path / "case", VARIANT, left=BOX, simulator=Ours(_times(whole, 1.0)))
-    made = next(p for p in scene.retraced.of_case() if p.label.startswith(TURNED)) if scene.retraced else whole
+    scene = varied(tmp_path / "case", VARIANT, left=BOX, simulator=Turning(_times(whole, 1.0)))
+    assert scene.retraced is not None
+    (made,) = (path for path in scene.retraced.of_case() if path.label.startswith(TURNED))
+    assert np.any(made.sun != 1.0), "the other system was run"
     rows = [_row(name) for name in BOX]
     assert np.all(made.sun[:, rows] == 1.0)
 
 
 def test_nothing_is_simulated_where_all_tests_are_covered(tmp_path: Path) -> None:
-    class Busy(Ours):
+    class Busy(Turning):
         def paths(self, mechanism: str) -> tuple[Along, ...]:
             raise AssertionError(f"paths of {mechanism} were asked for")
 

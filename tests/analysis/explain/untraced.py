@@ -29,3 +29,14 @@ class Untraced:
 
     def traced_systems(self) -> Mapping[str, Likened]:
         return self.systems
+
+
+class Turning(Untraced):
+    """A simulation that knows paths of turned lenses, and nothing else."""
+
+    def __init__(self, *paths: Path) -> None:
+        super().__init__()
+        self.turns = paths
+
+    def paths(self, mechanism: str) -> tuple[Path, ...]:
+        return self.turns if mechanism == "lens-orientation" else ()
