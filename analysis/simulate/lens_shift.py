@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulate.components import Lens
+from analysis.simulate.kernels.jit import as_python
 from analysis.simulate.kernels.optics import slab
 from analysis.simulate.lens import LEAST, Table, in_parts, packed
 from analysis.simulate.lens_file import wide_nodes
@@ -61,7 +62,8 @@ def shift_samples(
     side = np.sign(directions[:, 2])[:, None]
     out[..., 2] = side * np.sqrt(np.where(leaves, 1.0 - square, 1.0))
     depth = lens.absorption_per_mm * lens.thickness_mm
-    clear = np.array([slab(max(abs(float(z)), 0.02), lens.refractive_index, depth)[0] for z in directions[:, 2]])
+    through = as_python(slab)
+    clear = np.array([through(max(abs(float(z)), 0.02), lens.refractive_index, depth)[0] for z in directions[:, 2]])
     return out, np.where(leaves, clear[:, None], 0.0)
 
 

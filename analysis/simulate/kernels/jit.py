@@ -22,32 +22,41 @@ _FOLDER: Final = (
 )
 
 
-def _compiled(function: F, cache: bool, forceinline: bool) -> F:
+def _compiled(function: F, **how: bool) -> F:
     config = numba.config
     before = config.CACHE_DIR
     config.CACHE_DIR = str(_FOLDER)
     try:
-        compiled: F = numba.njit(cache=cache, nogil=True, fastmath=True, error_model="numpy", forceinline=forceinline)(
-            function
-        )
+        compiled: F = numba.njit(nogil=True, fastmath=True, error_model="numpy", **how)(function)
     finally:
         config.CACHE_DIR = before
     return compiled
 
 
+def _called_by_kernels(function: F, *, forceinline: bool) -> F:
+    """Compile what Python never calls: each way in that is spared would be compiled with all that it calls."""
+    return _compiled(function, forceinline=forceinline, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
 def kernel(function: F) -> F:
     """Compile a function that Python calls: without the interpreter lock, cached on disk, arithmetic reordered."""
-    return _compiled(function, cache=True, forceinline=False)
+    return _compiled(function, cache=True, no_cfunc_wrapper=True)
 
 
 def part(function: F) -> F:
     """Compile a large part of a kernel that is called, not copied."""
-    return _compiled(function, cache=False, forceinline=False)
+    return _called_by_kernels(function, forceinline=False)
 
 
 def jit(function: F) -> F:
     """Compile a part that becomes code of its caller: passing many arrays costs more than most parts themselves."""
-    return _compiled(function, cache=False, forceinline=True)
+    return _called_by_kernels(function, forceinline=True)
+
+
+def as_python(function: F) -> F:
+    """What `jit` compiled, as Python itself would run it; it must not call other compiled parts."""
+    plain: F = getattr(function, "py_func")  # noqa: B009 (mypy sees a plain function)
+    return plain
 
 
 def _borrowed(typing_context: Any, array: Any) -> Any:
