@@ -1,6 +1,5 @@
 """What is traced for a system, beside the system as described: the settings that change it, by mechanism."""
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -93,7 +92,7 @@ def on_top(system: System, setting: Mapping[str, Any]) -> dict[str, Any]:
         rest |= {f"{p}.shifts": seen_by(getattr(system, p)), f"{p}.isotropic": False}
         rest |= {f"{p}.stretch": by, f"{p}.stretch_axis_deg": axis_deg}
     if (place := rest.pop(SCATTERER, None)) is not None:
-        rest[place] = dataclasses.asdict(scattering(getattr(system, place), rest.pop("scatters")))
+        rest[place] = scattering(getattr(system, place), rest.pop("scatters"))
     share, chosen = rest.pop("haze", None), rest.pop("lenses", None)
     places = () if share is None else (chosen,) if chosen else lenses_of(system)
     for place in ("entry", "exit"):

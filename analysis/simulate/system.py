@@ -176,7 +176,10 @@ def from_case_table(table: Mapping[str, Any]) -> System:
 
 
 def _as_dict(value: Any) -> Any:
-    return dataclasses.asdict(value) if dataclasses.is_dataclass(value) and not isinstance(value, type) else value
+    """A dataclass, and those in it, as dicts; what is no dataclass, and so each density of shifts, is not copied."""
+    if not dataclasses.is_dataclass(value) or isinstance(value, type):
+        return value
+    return {field.name: _as_dict(getattr(value, field.name)) for field in dataclasses.fields(value)}
 
 
 def _merged(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
