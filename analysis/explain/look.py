@@ -26,12 +26,17 @@ SUNS: Final = 3
 """So many of a system's tests are compared, from the lowest sun to the highest."""
 RAYS: Final = 16_000
 """Rays for each sun."""
-SAMPLES: Final = 2_048
-"""Entries of the lens tables: a quarter of what is traced later."""
+SAMPLES: Final = 1_024
+"""Entries of the lens tables: a quarter of what is traced later; with an eighth of these no lens is less unlike."""
+SUN_SAMPLES: Final = 2_048
+"""Entries of each sun's tables."""
 _TRACED_HAZE: Final = 0.3
 """A haze that is traced; its change is taken as linear in it."""
 _DARK: Final = 0.02
 """Share of the brightest direction that is added before directions are compared by their logarithms."""
+_BEHIND: Final = 1.2
+"""Prisms that look one way are given up where those that look another are unlike by so many times less. (Of 49 systems
+of five authors in none those that came out best had begun more than 1.12 times behind.)"""
 BETTER: Final = 0.92
 """Another lens is taken if it is unlike the prediction by less than so much of what the supposed one is."""
 
@@ -129,7 +134,7 @@ class Look:
         self.use = Settings(
             rays=RAYS,
             samples=SAMPLES,
-            sun_samples=SAMPLES,
+            sun_samples=SUN_SAMPLES,
             sharp_side=SHARP_SIDE,
             distance_m=what.distance_m,
             bounces=1,
@@ -150,7 +155,7 @@ class Look:
 
         Prisms of one side never become those of the other on the way: each is looked for by itself.
         """
-        return self.turned(self.least([self.best(begun) for begun in self.supposed.beginnings()]))
+        return self.turned(self.best([self.least(begun) for begun in self.supposed.beginnings()]))
 
     def patternless(self, like: Prisms) -> Prisms:
         """The least unlike that knows none, begun at what is best with them."""
@@ -182,11 +187,17 @@ class Look:
         return min(self.beside((1.0 - h) * light + h * lobe) for h in HAZES)
 
     def best(self, begun: list[Prisms]) -> Prisms:
-        """The least unlike that is reached from the best beginning, in steps of slope, tilt and turn."""
-        best = self.least(begun)
-        while self.unlike(better := self.least(best.beside())) < self.unlike(best):
-            best = better
-        return best
+        """The least unlike that is reached from any beginning, in steps of slope, tilt and turn.
+
+        All go side by side, and those that fall far behind go no further.
+        """
+        while True:
+            self.least([near for prisms in begun for near in prisms.beside()])  # side by side; they are known then
+            better = [self.least([prisms, *prisms.beside()]) for prisms in begun]
+            best = self.least(better)
+            if better == begun:
+                return best
+            begun = [prisms for prisms in better if self.unlike(prisms) <= _BEHIND * self.unlike(best)]
 
     def least(self, prisms: list[Prisms]) -> Prisms:
         """The least unlike of several."""

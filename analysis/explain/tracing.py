@@ -20,7 +20,6 @@ from analysis.explain.readings import sun_at
 from analysis.explain.trace_settings import AUREOLES_DEG, ISOTROPIC, SETTINGS_OF, Setting, on_top, settings_of
 from analysis.simulate.changes import Change
 from analysis.simulate.daylight import Daylight, daylight
-from analysis.simulate.lens import SAMPLES
 from analysis.simulate.system import System, from_case_table
 from analysis.simulate.variants import Outcome, Parts, VariantSet, variants
 from labdaq.errors import LabdaqError
@@ -30,6 +29,8 @@ MORE_RAYS: Final = 320_000
 """Rays for each sun: with the same ones for each variant, and where the difference itself must be smooth."""
 MANY: Final = 4
 """With more tests than these each has the fewer rays: what counts is what they tell together, and a case's time."""
+SAMPLES: Final = 4_096
+"""Entries of the lens tables: half of what a prediction has, which would take longer to make than to use;"""
 SUN_SAMPLES: Final = 8_192
 """Entries of each sun's lens tables: more of them cost more than they quieten."""
 SHARP_SIDE: Final = 96

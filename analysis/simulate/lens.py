@@ -207,7 +207,7 @@ def ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler | None 
     return _ring_table(optics, cosine, samples, sampler or traced_samples)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=64)
 def _ring_table(lens: Lens, cosine: float, samples: int, sampler: Sampler) -> tuple[Floats, Table]:
     azimuth = 0.25 * math.pi * np.arange(RING_STEPS + 1) / RING_STEPS
     sine = math.sqrt(1.0 - cosine**2)

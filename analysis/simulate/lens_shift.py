@@ -104,7 +104,7 @@ def shift_tables(lens: Lens, samples: int, half: int) -> tuple[Table, Table]:
 
 @functools.lru_cache(maxsize=8)
 def _table(lens: Lens, samples: int, half: int) -> Table:
-    count = max(samples // 2 if half == SHIFT_HALF else samples // 16, LEAST)
+    count = max(samples if half == SHIFT_HALF else samples // 16, LEAST)
     sent = wide_nodes(half)
     out, weight = shift_samples(lens, False, sent, count, np.random.default_rng([_STREAM, count, half]))
     return in_parts(packed(out, sent[:, None, :], weight))

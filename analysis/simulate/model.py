@@ -29,7 +29,7 @@ from analysis.simulate.system import System
 
 Floats = NDArray[np.float64]
 
-LEAST_RING: Final = 2048
+LEAST_RING: Final = 512
 MOST_RING: Final = 65_536
 """Samples at each azimuth of a ring."""
 
