@@ -7,6 +7,7 @@ fitted readings is most like what the variant changes, and by which share of it 
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,26 +33,37 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
     start = sum(len(t.parameters) for t in fit.terms[:k])
     end = start + len(term.parameters)
     bare = predict(scene, *without(fit.terms, fit.theta, k))
+    ours = _without_its_variants(scene, term)
 
-    def change(other: Term, own: Floats) -> Floats:
+    def change(seen: Scene, other: Term, own: Floats) -> Floats:
         """What it changes in those tests, a gain per test removed; zero in the rest."""
         terms = (*fit.terms[:k], other, *fit.terms[k + 1 :])
-        made = predict(scene, terms, np.concatenate([fit.theta[:start], own, fit.theta[end:]]))
+        made = predict(seen, terms, np.concatenate([fit.theta[:start], own, fit.theta[end:]]))
         return r.free_of_gains(r.stretched(made) - r.stretched(bare))
 
-    shown = change(term, fit.theta[start:end])
+    shown = change(scene, term, fit.theta[start:end])
     found = dict(zip([p.name for p in term.parameters], fit.theta[start:end].tolist(), strict=True))
     told: dict[str, Any] = {}
     least = np.inf
-    for way in _our_ways(scene, term):
+    for way in _our_ways(ours, term):
         for at in _settings(way, found):
-            made = np.where(_covered(scene, shown), change(way, np.array([at])), 0.0)
+            made = np.where(_covered(scene, shown), change(ours, way, np.array([at])), 0.0)
             left, share = seen_of(made, shown)
             if left < least:
                 names = [p.name for p in way.parameters]
                 told = {"way": way.branch.label, "names": names, "theta": [at], "share": round(share, 4)}
                 least = left
     return told
+
+
+def _without_its_variants(scene: Scene, term: Term) -> Scene:
+    """The scene as it would be without the variants of a mechanism that has no way of ours beside them."""
+    if not term.branch.brought or scene.retraced is None:
+        return scene
+    paths = {name: paths for name, paths in scene.retraced.case_paths.items() if name != term.mechanism.id}
+    bare = replace(scene, retraced=replace(scene.retraced, case_paths=paths), lit={})
+    bare.__dict__["fields"] = scene.fields
+    return bare
 
 
 def _our_ways(scene: Scene, term: Term) -> Iterator[Term]:

@@ -11,6 +11,10 @@ from analysis.explain.mechanisms.base import Branch, Mechanism, Stage
 from analysis.explain.mechanisms.retraced import systems_on_the_arm
 from analysis.explain.parameter import Parameter
 from analysis.explain.scene import Light, Scene
+from analysis.explain.variants import OF_CASE
+
+BROUGHT = f"{OF_CASE} of the near field"
+"""The way in which a case's own near field is seen."""
 
 
 @lru_cache(maxsize=8)
@@ -76,7 +80,7 @@ class NearField(Mechanism):
         """
         retraced = scene.retraced is not None and scene.retraced.near_field() is not None
         if scene.retraced is not None and "near-field" in scene.retraced.case_paths:
-            return (Branch("traced", dict.fromkeys(systems_on_the_arm(scene), 1.0), brought=True),)
+            return (Branch(BROUGHT, dict.fromkeys(systems_on_the_arm(scene), 1.0), brought=True),)
         ways = {"traced": 1.0, "halfway": 0.5} if retraced else {}
         systems = systems_on_the_arm(scene)
         apart = [(f"{label}, {name} only", {k: share}) for label, share in ways.items() for k, name in systems.items()]

@@ -12,6 +12,11 @@ from analysis.explain.apply import Model, apply_model, read_model
 from analysis.explain.elsewhere import elsewhere
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.mechanisms.base import Term, predict
+from analysis.explain.mechanisms.goniometer import BROUGHT
+from analysis.explain.parameter import Parameter
+from analysis.explain.ratios import plain_ratio
+from analysis.explain.retrace import Path as Changes
+from analysis.explain.retrace import Retraced
 from analysis.explain.scene import Scene
 from labdaq.errors import DataError
 from tests.analysis.explain.campaign import WITHHELD, Floats, columns, light, make_case, rows_of
@@ -49,6 +54,20 @@ def test_our_own_way_is_told_with_the_share_of_it_that_is_seen(tmp_path: Path, t
     bare = predict(scene, (), np.zeros(0))
     left = np.std(np.log(made / shown)) / np.std(np.log(shown / bare))
     assert left < (0.02 if times == 1.0 else 0.3)
+
+
+def test_a_near_field_that_the_case_brought_is_told_in_a_form_of_ours(arm: Scene) -> None:
+    """Beside what the case brings it has no way of its own, and another case brings none."""
+    light = arm.dark_light()
+    term(arm, "near-field", "closed form").illuminate(arm, light, np.array([1.0]))
+    weight = Parameter("weight", "1", "share", 0.0, 1.0, 1.0, (1.0,))
+    far = arm.fields
+    near = [np.stack([np.ones_like(a), plain_ratio(b, a)]) for a, b in ((far.sun, light.sun), (far.sky, light.sky))]
+    path = Changes("near", weight, np.array([0.0, 1.0]), *near, of_case=True)
+    scene = dataclasses.replace(arm, retraced=Retraced({"near-field": (path,)}), lit={})
+    fit = Fitter(scene).fit((term(scene, "near-field", BROUGHT),), np.array([1.0]), MIDDLE)
+    told = elsewhere(scene, dataclasses.replace(fit, theta=np.array([1.0])), 0)
+    assert told == {"way": "closed form", "names": ["weight"], "theta": [1.0], "share": pytest.approx(1.0, abs=0.02)}
 
 
 def test_what_no_variant_showed_is_as_it_is(tmp_path: Path) -> None:

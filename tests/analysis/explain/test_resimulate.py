@@ -18,6 +18,7 @@ from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.look import Likened
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID, CATALOGUE
+from analysis.explain.mechanisms.goniometer import BROUGHT
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
 from analysis.explain.path_making import EVENED, EVENED_DEG
@@ -391,7 +392,7 @@ def test_a_near_field_that_the_case_brings_is_its_own(scene: Scene) -> None:
     path = Path("near", weight, np.array([0.0, 1.0]), *np.ones((2, 2, *scene.fields.sun.shape)), of_case=True)
     brought = replace(scene, retraced=replace(scene.retraced, case_paths={"near-field": (path,)}))
     (own,) = terms_of(BY_ID["near-field"], brought)
-    assert own.branch.label == "traced" and own.branch.of_case and not own.branch.blurs
+    assert own.branch.label == BROUGHT and own.branch.of_case and not own.branch.blurs
     nothing = Hypothesis(Fit((), *np.zeros((3, 0))), 0.0)
     left = [misfit(Hypothesis(Fit((t,), *np.zeros((3, 0))), 100.0), nothing) for t in (own, ways["closed form"])]
     assert left[0] == pytest.approx(OF_CASE**2 * 100.0) and left[1] > left[0]
