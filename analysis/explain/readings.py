@@ -1,7 +1,7 @@
 """The readings that an explanation uses: usable rows of a case, in the laboratory's units."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from analysis.cases import Case
 from analysis.cases.model import Floats, Ints
 from analysis.cases.units import IN_LAB_UNITS
 from analysis.explain.roof_parts import sun_part
+from analysis.sky.sun import Site, sun_position
 from labdaq.clock import utc_ns_of
 
 GONIOMETER, ROOF, SKY = "goniometer", "roof", "sky"
@@ -229,12 +230,19 @@ class Readings:
 
 def sun_at(case: Case, utc_ns: Ints) -> Floats:
     """Sun altitude and azimuth [deg], shape (2, N), at the case's site."""
-    from analysis.sky import sun
-
     place = case.setup.site
     assert place is not None
-    seen = sun.sun_position(utc_ns, sun.Site(place.latitude_deg, place.longitude_deg, place.elevation_m))
-    return np.stack([seen.altitude_deg, seen.azimuth_deg])
+    site = Site(place.latitude_deg, place.longitude_deg, place.elevation_m)
+    return _sun_at(np.asarray(utc_ns, dtype=np.int64).tobytes(), site)
+
+
+@lru_cache(maxsize=256)
+def _sun_at(utc_ns: bytes, site: Site) -> Floats:
+    """The same, read-only; one and the same clock is asked for again and again."""
+    seen = sun_position(np.frombuffer(utc_ns, dtype=np.int64), site)
+    made = np.stack([seen.altitude_deg, seen.azimuth_deg])
+    made.flags.writeable = False
+    return made
 
 
 def dropped(case: Case) -> NDArray[np.bool_]:
