@@ -39,8 +39,17 @@ def light(side: Side, tilt_deg: float) -> Floats:
     return np.array([np.sin(t) * 0.8, np.sin(t) * 0.6, np.cos(t) if side == "prism" else -np.cos(t)])
 
 
-@pytest.mark.parametrize("side", ["prism", "flat"])
-@pytest.mark.parametrize("tilt", [0.0, 40.0, 70.0])
+@pytest.mark.parametrize(
+    ("side", "tilt"),
+    [
+        ("prism", 0.0),
+        ("prism", 40.0),
+        pytest.param("prism", 70.0, marks=pytest.mark.slow),
+        ("flat", 0.0),
+        ("flat", 40.0),
+        ("flat", 70.0),
+    ],
+)
 def test_density_adds_up_to_the_transmittance(side: Side, tilt: float) -> None:
     d = light(side, tilt)
     cells, solid = hemisphere(60, float(np.sign(d[2])))

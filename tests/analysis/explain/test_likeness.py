@@ -48,11 +48,12 @@ def like(system: System, seen: Floats, days: list[Daylight] = DAYS) -> System:
     return likeness_of(system, seen, days).system
 
 
-@pytest.mark.parametrize("kind", ["top", "box"])
+@pytest.mark.parametrize("kind", [pytest.param("top", marks=pytest.mark.slow), "box"])
 def test_the_supposed_lens_stays_where_it_looks_like_the_prediction(kind: str) -> None:
     assert like(SYSTEMS[kind], predicted(SYSTEMS[kind])) == SYSTEMS[kind]
 
 
+@pytest.mark.slow
 def test_the_prisms_of_a_prediction_are_found() -> None:
     """In a box both lenses are alike, but for the side that carries the prisms."""
     box = SYSTEMS["box"].with_settings(
@@ -122,6 +123,7 @@ def test_a_prediction_that_knew_no_pattern_is_recognised() -> None:
     assert on_top(SYSTEMS["top"], {"isotropic": True}) == {"isotropic": True}
 
 
+@pytest.mark.slow
 def test_a_pattern_that_lies_turned_in_the_prediction_is_turned() -> None:
     """The supposed pattern lies along the walls; nothing in a case says that the simulated one did."""
     turned = SYSTEMS["tube"].with_settings({"exit.orientation_deg": 30.0})

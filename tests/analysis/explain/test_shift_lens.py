@@ -73,7 +73,14 @@ def like(kind: str, seen: Floats) -> System:
     return likened({"it": SYSTEMS[kind]}, {"it": Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")})["it"].system
 
 
-@pytest.mark.parametrize(("kind", "unlike"), [("top", 0.25), ("box", 0.55), ("tube", 0.2)])
+@pytest.mark.parametrize(
+    ("kind", "unlike"),
+    [
+        pytest.param("top", 0.25, marks=pytest.mark.slow),
+        ("box", 0.55),
+        pytest.param("tube", 0.2, marks=pytest.mark.slow),
+    ],
+)
 def test_unequal_lobes_are_found(kind: str, unlike: float) -> None:
     """Whatever stands between the lens and the eye: a white well, mirrors on four sides, or a mirror all around."""
     seen = shown(kind, predicted(system_with(kind, SKEWED)))
@@ -134,7 +141,7 @@ def test_one_sun_tells_no_density() -> None:
     assert not any_pattern(likened({"it": SYSTEMS["top"]}, {"it": given})["it"].system)
 
 
-@pytest.mark.parametrize("kind", ["top", "tube"])
+@pytest.mark.parametrize("kind", [pytest.param("top", marks=pytest.mark.slow), "tube"])
 def test_a_lens_that_draws_light_towards_its_normal_is_found(kind: str) -> None:
     drawing = replace(lobes((1.0, 0.0, 0.0), cells_wide=6.0), kept=0.6)
     seen = shown(kind, predicted(system_with(kind, drawing)))
