@@ -1,11 +1,23 @@
-"""For all tests of the analysis: the command line, run as a user runs it, in this process."""
+"""For all tests of the analysis: the command line, as a user runs it, in this process; and a core for each worker."""
 
+import os
 import sys
+from collections.abc import Iterator
 
 import pytest
 
 from labdaq.cli import main
 from tests.analysis.commands import Run
+
+
+@pytest.fixture(scope="module", autouse=True)
+def core_of_its_own() -> Iterator[None]:
+    """Beside other workers the analysis finds one core: threads and forks for a second would only take turns."""
+    worker, cores = os.environ.get("PYTEST_XDIST_WORKER", ""), sorted(os.sched_getaffinity(0))
+    if worker:
+        os.sched_setaffinity(0, {cores[int(worker.removeprefix("gw")) % len(cores)]})
+    yield
+    os.sched_setaffinity(0, cores)
 
 
 @pytest.fixture

@@ -1,7 +1,4 @@
-"""Scenes that many tests read and none changes; and a core for each of the processes that run tests side by side."""
-
-import os
-from collections.abc import Iterator
+"""Scenes that many tests read and none changes."""
 
 import pytest
 
@@ -10,16 +7,6 @@ from analysis.explain.scene import Scene
 from analysis.explain.variants import retraced_of
 from tests.analysis.explain.campaign import NONE, make_case
 from tests.analysis.explain.roof import roof_case, sky_case
-
-
-@pytest.fixture(scope="module", autouse=True)
-def core_of_its_own() -> Iterator[None]:
-    """Beside other workers an explanation finds one core: threads and forks for a second would only take turns."""
-    worker, cores = os.environ.get("PYTEST_XDIST_WORKER", ""), sorted(os.sched_getaffinity(0))
-    if worker:
-        os.sched_setaffinity(0, {cores[int(worker.removeprefix("gw")) % len(cores)]})
-    yield
-    os.sched_setaffinity(0, cores)
 
 
 @pytest.fixture(scope="session")
