@@ -68,6 +68,7 @@ def _even() -> np.ndarray:
     return disk_of_square(np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2))
 
 
+@pytest.mark.slow
 def test_without_a_daylight_there_are_no_rays(tmp_path: Path) -> None:
     done = simulate("tube", "--export", str(tmp_path / "t"), "--set", "exit.haze=0.1")
     assert done.exit_code == 0, done.output

@@ -55,7 +55,9 @@ def test_a_hole_lets_every_direction_through() -> None:
     assert made.diffuse(Component.TF) == pytest.approx(1.0, abs=2e-3)
 
 
-@pytest.mark.parametrize("name", ["top", "box", "tube"])
+@pytest.mark.parametrize(
+    "name", ["top", pytest.param("box", marks=pytest.mark.slow), pytest.param("tube", marks=pytest.mark.slow)]
+)
 def test_diffuse_light_passes_as_through_the_skylight(name: str) -> None:
     system = named(name)
     made = klems_of_system(system, rays=4_000)
