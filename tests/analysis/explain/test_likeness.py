@@ -1,5 +1,7 @@
 """Before anything is traced again, our lens is made to look like the prediction's."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,8 @@ from analysis.explain import look
 from analysis.explain.fields import C_DEG, GAMMA_DEG
 from analysis.explain.geometry import blurred
 from analysis.explain.likeness import likened
-from analysis.explain.look import Likened, Predicted
+from analysis.explain.look import Likened, Look, Predicted, look_at
+from analysis.explain.prisms import Prisms
 from analysis.explain.trace_settings import on_top
 from analysis.simulate.daylight import Daylight, daylight, sun_source
 from analysis.simulate.system import SYSTEMS, System
@@ -63,6 +66,29 @@ def test_the_prisms_of_a_prediction_are_found() -> None:
     found = like(SYSTEMS["box"], predicted(box))
     assert (found.entry.prisms, found.exit.prisms) == ("down", "down")
     assert abs(found.entry.slope_deg - 36.0) <= 6.0 and found.entry.blur_deg in (7.0, 11.0, 16.0)
+
+
+@pytest.mark.parametrize(("behind", "won"), [(3.0, "down"), (1.1, "up")])
+def test_prisms_that_fall_far_behind_are_sought_no_further(
+    monkeypatch: pytest.MonkeyPatch, behind: float, won: str
+) -> None:
+    """Those that begin a tenth behind may still come out best; those at three times as much are left at once."""
+    asked: set[Prisms] = set()
+
+    def unlike(_: Look, prisms: Prisms) -> float:
+        asked.add(prisms)
+        steps = abs(prisms.slope - 1) + abs(prisms.blur - 3)  # five, where both begin
+        return 1.0 + 0.1 * steps if prisms.sides == ("down",) else behind * (0.5 + 0.2 * steps)
+
+    monkeypatch.setattr(Look, "unlike", unlike)
+    begun = [Prisms((side,), 4, 1) for side in ("down", "up")]
+    with ThreadPoolExecutor(2) as tracers:
+        seen = Predicted(DAYS, predicted(SYSTEMS["top"]), np.zeros((len(DAYS), len(C_DEG), len(GAMMA_DEG))), 2.6, "far")
+        sought = look_at(SYSTEMS["top"], seen, tracers)
+        assert sought is not None
+        assert sought.best(begun) == Prisms((won,), 1, 3)
+    others = {prisms for prisms in asked if prisms.sides == ("up",)}
+    assert (others <= {begun[1], *begun[1].beside()}) == (won == "down")
 
 
 def test_haze_of_a_prediction_is_found() -> None:
