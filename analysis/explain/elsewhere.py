@@ -7,7 +7,6 @@ fitted readings is most like what the variant changes, and by which share of it 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
     start = sum(len(t.parameters) for t in fit.terms[:k])
     end = start + len(term.parameters)
     bare = predict(scene, *without(fit.terms, fit.theta, k))
-    ours = _without_its_variants(scene, term)
+    ours = scene.without_variants(term.mechanism.id) if term.branch.brought else scene  # else ours stand beside them
 
     def change(seen: Scene, other: Term, own: Floats) -> Floats:
         """What it changes in those tests, a gain per test removed; zero in the rest."""
@@ -54,16 +53,6 @@ def elsewhere(scene: Scene, fit: Fit, k: int) -> dict[str, Any]:
                 told = {"way": way.branch.label, "names": names, "theta": [at], "share": round(share, 4)}
                 least = left
     return told
-
-
-def _without_its_variants(scene: Scene, term: Term) -> Scene:
-    """The scene as it would be without the variants of a mechanism that has no way of ours beside them."""
-    if not term.branch.brought or scene.retraced is None:
-        return scene
-    paths = {name: paths for name, paths in scene.retraced.case_paths.items() if name != term.mechanism.id}
-    bare = replace(scene, retraced=replace(scene.retraced, case_paths=paths), lit={})
-    bare.__dict__["fields"] = scene.fields
-    return bare
 
 
 def _our_ways(scene: Scene, term: Term) -> Iterator[Term]:

@@ -112,6 +112,15 @@ class Scene:
         other.__dict__["fields"] = self.fields
         return other
 
+    def without_variants(self, mechanism: str) -> "Scene":
+        """The scene as it would be if the case brought nothing of a mechanism."""
+        if self.retraced is None:
+            return self
+        paths = {name: paths for name, paths in self.retraced.case_paths.items() if name != mechanism}
+        other = replace(self, retraced=replace(self.retraced, case_paths=paths), lit={})
+        other.__dict__["fields"] = self.fields
+        return other
+
     def remember_rows(self, work: Callable[["Scene"], Floats]) -> Floats:
         """The array (..., N) that ``work`` makes of this scene, each row by itself: made once, of all rows."""
         if work not in self.of_rows:

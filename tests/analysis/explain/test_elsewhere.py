@@ -70,6 +70,17 @@ def test_a_near_field_that_the_case_brought_is_told_in_a_form_of_ours(arm: Scene
     assert told == {"way": "closed form", "names": ["weight"], "theta": [1.0], "share": pytest.approx(1.0, abs=0.02)}
 
 
+def test_another_case_gets_a_near_field_in_the_form_that_was_told(tmp_path: Path) -> None:
+    far = {"simulation": {"field": "far"}}
+    case = make_case(tmp_path / "case", tests=WITHHELD, measured=False, change=far)
+    told: dict[str, object] = {"way": "closed form", "names": ["weight"], "theta": [1.0]}
+    own: dict[str, object] = {"id": "near-field", "sd": [0.1], "facts": {}, **told}
+    brought = {**own, "way": BROUGHT, "theta": [0.7], "elsewhere": {**told, "share": 1.0}}
+    plain, made = (columns(apply_model(Model((entry,)), case), "corrected")[0] for entry in (own, brought))
+    assert np.array_equal(made, plain)
+    assert np.std(np.log(made / columns(apply_model(Model(), case), "corrected")[0])) > 1e-3
+
+
 def test_what_no_variant_showed_is_as_it_is(tmp_path: Path) -> None:
     scene = turned_scene(tmp_path / "case", 1.0)
     fit = Fitter(scene).fit((term(scene, "lens-orientation", "own re-simulation"),), np.array([20.0]), MIDDLE)
