@@ -5,6 +5,7 @@ old code. So the cache lives in a folder named after the content of all kernel f
 (`analysis.bsdf`), outside the installation (which may be read-only).
 """
 
+import inspect
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
@@ -55,7 +56,7 @@ def jit(function: F) -> F:
 
 def as_python(function: F) -> F:
     """What `jit` compiled, as Python itself would run it; it must not call other compiled parts."""
-    plain: F = getattr(function, "py_func")  # noqa: B009 (mypy sees a plain function)
+    plain: F = inspect.unwrap(function)
     return plain
 
 
