@@ -27,7 +27,8 @@ SUNS: Final = 3
 RAYS: Final = 16_000
 """Rays for each sun."""
 SAMPLES: Final = 1_024
-"""Entries of the lens tables: a quarter of what is traced later; with an eighth of these no lens is less unlike."""
+"""Entries of the lens tables: a quarter of what is traced later. (With 256 to 2,048 of them a box is unlike another
+author's prediction by the same to .003, with other rays to .004.)"""
 SUN_SAMPLES: Final = 2_048
 """Entries of each sun's tables."""
 _TRACED_HAZE: Final = 0.3

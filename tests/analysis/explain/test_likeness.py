@@ -29,7 +29,7 @@ DISTANCE_M = 2.6
 
 @pytest.fixture(autouse=True)
 def quick_tables(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lens tables that are made in a second, not in three."""
+    """Lens tables that are made in half the time."""
     monkeypatch.setattr(look, "SAMPLES", 512)
 
 
