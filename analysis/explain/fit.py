@@ -285,12 +285,12 @@ class Fitter:
     def density(self, fit: Fit, extra: tuple[Extra, ...]) -> Callable[[Hyper], float]:
         """Log evidence of a fit at some sizes, their prior included."""
         columns = np.column_stack([fit.jacobian, fit.residual])
-        white: dict[tuple[float, float], Floats] = {}
+        white: dict[tuple[float, float], Solved] = {}
 
         def density(hyper: Hyper) -> float:
             whitener = self.whitener(hyper, extra)
             if hyper.base not in white:
-                white[hyper.base] = whitener.solved(columns)
+                white[hyper.base] = Solved(whitener.solved(columns))
             gram = whitener.gram_of(white[hyper.base])
             return laplace(gram, whitener.log_det, fit.theta, fit.parameters) + hyper.log_weight
 

@@ -9,13 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.blas import dtrsm
 
 from analysis.cases.model import Floats
 
 
 class Blocks:
-    """Cholesky factors of the covariances of groups of readings; ``rows`` says which readings a group holds."""
+    """Cholesky factors of the covariances of groups of readings; ``rows`` says which readings a group holds.
+
+    They are solved by BLAS itself, transposed, as it has columns where numpy has rows: some are small, and asked often.
+    """
 
     def __init__(self, rows: Sequence[NDArray[np.int64]], factors: Sequence[Floats]) -> None:
         self._rows = rows
@@ -26,14 +30,14 @@ class Blocks:
         """Columns (N, k) divided by the factors: block noise becomes independent and unit."""
         white = np.empty_like(columns)
         for rows, factor in zip(self._rows, self._factors, strict=True):
-            white[rows] = solve_triangular(factor, columns[rows], lower=True, check_finite=False)
+            white[rows] = dtrsm(1.0, factor.T, columns[rows].T, side=1).T
         return white
 
     def solved_back(self, white: Floats) -> Floats:
         """Columns (N, k) divided by the factors' transposes."""
         made = np.empty_like(white)
         for rows, factor in zip(self._rows, self._factors, strict=True):
-            made[rows] = solve_triangular(factor, white[rows], lower=True, trans="T", check_finite=False)
+            made[rows] = dtrsm(1.0, factor.T, white[rows].T, side=1, trans_a=1).T
         return made
 
 
@@ -101,14 +105,14 @@ class Whitener:
         """Columns (N, k) divided by the block factors; effects not yet taken off."""
         return self.blocks.solved(columns)
 
-    def gram_of(self, white: Floats) -> Floats:
-        """`gram` of columns that are already solved."""
-        onto = self._onto(white)
-        return np.asarray(white.T @ white - onto.T @ cho_solve(self._inner, onto))
+    def gram_of(self, white: Solved) -> Floats:
+        """`gram` of columns that are already solved, by block factors that other effects' sizes may share."""
+        onto = np.concatenate([size * white.times(part).T for part, size in self._parts])
+        return np.asarray(white.columns.T @ white.columns - onto.T @ cho_solve(self._inner, onto, check_finite=False))
 
     def gram(self, columns: Floats) -> Floats:
         """``columns``ᵀ Σ⁻¹ ``columns`` for columns (N, k); shape (k, k)."""
-        return self.gram_of(self.solved(columns))
+        return self.gram_of(Solved(self.solved(columns)))
 
     def squares(self, columns: Floats) -> Floats:
         """cᵀ Σ⁻¹ c of each column c of (N, k); shape (k,)."""
