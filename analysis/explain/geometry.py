@@ -57,8 +57,9 @@ def turned(field: Floats, axes: Floats, degrees: Floats) -> Floats:
     """
     v = grid_vectors()
     made = np.empty_like(field)
-    for t, (axis, angle) in enumerate(zip(axes, degrees, strict=True)):
-        gamma, c = directions.gamma_c(directions.rotated(v, axis, -angle))  # where the light now seen at v came out
+    turns = directions.rotated(np.eye(3), axes[:, None, :], -degrees[:, None])
+    for t, turn in enumerate(turns):
+        gamma, c = directions.gamma_c(v @ turn)  # where the light now seen at v came out
         made[t] = Sampler(np.full(len(v), t), np.minimum(gamma, 90.0), c)(field).reshape(field.shape[1:])
     return made
 
