@@ -4,7 +4,7 @@ MacKay 2003, Information Theory, Inference, and Learning Algorithms, ch. 27-28.
 """
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from analysis.cases.model import Floats
 from analysis.explain.parameter import Parameter
@@ -25,16 +25,14 @@ def laplace(gram: Floats, log_det: float, theta: Floats, parameters: tuple[Param
     precision = precision_of(gram, prior, theta)
     slope = gram[:n, n] + prior.pull(theta)
     step = np.linalg.solve(precision, slope)
-    low = np.array([p.low for p in parameters])
-    high = np.array([p.high for p in parameters])
-    step = np.clip(theta + step, low, high) - theta
+    step = inside(theta + step, parameters) - theta
     gain = slope @ step - 0.5 * step @ precision @ step
     _, log_det = np.linalg.slogdet(precision)
     value = base + prior.log_density - 0.5 * prior.value(theta) + gain - 0.5 * log_det
     spread = np.sqrt(np.diag(np.linalg.inv(precision)))
     for k, p in enumerate(parameters):
         if p.one_sided:
-            value += np.log(2.0) + norm.logcdf((theta[k] + step[k] - p.low) / spread[k])
+            value += np.log(2.0) + log_ndtr((theta[k] + step[k] - p.low) / spread[k])
     return float(value)
 
 
