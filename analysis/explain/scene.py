@@ -206,21 +206,31 @@ class Scene:
 
     @cached_property
     def _nominal(self) -> Sampler:
-        r = self.readings
-        gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
-        return Sampler(r.test, gamma, c)
+        return Sampler(self.readings.test, *self._where)
+
+    @cached_property
+    def _where(self) -> tuple[Floats, Floats]:
+        """Gamma and C of each row [deg], zero where it has none."""
+        return np.nan_to_num(self.readings.gamma_deg), np.nan_to_num(self.readings.c_deg)
+
+    @cached_property
+    def _in_parts(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.readings.sun)
 
     @cached_property
     def _nominal_parts(self) -> tuple[Floats, Floats]:
         return self._nominal(self.fields.sun), self._nominal(self.fields.sky)
 
+    @cached_property
+    def _trust(self) -> Floats:
+        """By what each record's own prediction is more than the fields at its direction."""
+        base = np.add(*self._nominal_parts)
+        return np.clip(np.divide(self.readings.simulated, base, out=np.ones(len(base)), where=base > 0), *_TRUST)
+
     def dark_light(self) -> Light:
         """The light as the case predicts it, before any mechanism."""
-        r = self.readings
-        one = np.ones(len(r))
-        gamma, c = np.nan_to_num(r.gamma_deg), np.nan_to_num(r.c_deg)
-        f = self.fields
-        return Light(one, one.copy(), f.sun, f.sky, np.zeros((1, 1, 1)), gamma, c)
+        one, f = np.ones(len(self.readings)), self.fields
+        return Light(one, one.copy(), f.sun, f.sky, np.zeros((1, 1, 1)), *self._where)
 
     def read(self, light: Light) -> Floats:
         """What perfect sensors would read [cd, lx, cd/m²]; shape (N,).
@@ -229,16 +239,16 @@ class Scene:
         ratio of the two where the file and the field disagree a little (rounding, interpolation).
         """
         r = self.readings
-        values = np.where(np.isfinite(r.sun), light.sun_factor * r.sun + light.sky_factor * r.sky, r.simulated)
-        values = np.where(np.isfinite(r.sun), values, r.simulated * light.sun_factor)
-        if not np.any(self.is_gonio):
+        parts = light.sun_factor * r.sun + light.sky_factor * r.sky
+        values = np.where(self._in_parts, parts, r.simulated * light.sun_factor)
+        if GONIOMETER not in self.kinds:
             return values
-        base_sun, base_sky = self._nominal_parts
-        base = base_sun + base_sky
+        nominal_sun, nominal_sky = self._nominal_parts
         sampler = Sampler(r.test, light.gamma_deg, light.c_deg) if light.moved else self._nominal
-        now = light.sun_factor * sampler(light.sun) + light.sky_factor * sampler(light.sky)
-        trust = np.clip(np.divide(r.simulated, base, out=np.ones(len(r)), where=base > 0), *_TRUST)
-        change = (now - base) * trust
+        still = not light.moved
+        sun = nominal_sun if still and light.sun is self.fields.sun else sampler(light.sun)
+        sky = nominal_sky if still and light.sky is self.fields.sky else sampler(light.sky)
+        change = (light.sun_factor * sun + light.sky_factor * sky - (nominal_sun + nominal_sky)) * self._trust
         if light.added.size > 1:
             change = change + sampler(light.added)
         return np.where(self.is_gonio, r.simulated + change, values)

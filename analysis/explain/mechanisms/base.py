@@ -16,6 +16,8 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 
+_OF_ROWS = "sun_factor", "sky_factor", "gamma_deg", "c_deg"
+_OF_TESTS = "sun", "sky", "added"
 _KEPT = 8  # lights after the first terms, some megabytes each
 FORM_OF_SIZE = 0.18
 """Share of an effect's size that its form usually leaves open, set on a blind trial (docs/explaining.md)."""
@@ -216,27 +218,29 @@ class Term:
             return
         before = replace(light)
         self.mechanism.illuminate(scene, light, p, self.branch)
-        rows, fields = self._rows(scene), np.isin(np.arange(len(light.sun)), self._tests(scene))[:, None, None]
-        parts = {"sun_factor": rows, "sky_factor": rows, "gamma_deg": rows, "c_deg": rows, "sun": fields, "sky": fields}
-        for name, here in parts.items():
-            setattr(light, name, self._seen(here, getattr(before, name), getattr(light, name)))
-        if light.added.size > 1:
-            light.added = self._seen(fields, before.added, light.added)
+        for name in _OF_ROWS + _OF_TESTS:
+            was, made = getattr(before, name), getattr(light, name)
+            if made is not was:
+                acts = self._acts_in(scene)
+                here = acts[:, None, None] if name in _OF_TESTS else acts[scene.readings.test]
+                setattr(light, name, self._seen(here, was, made))
 
     def respond(self, scene: Scene, values: Floats, p: Floats) -> Floats:
         """What the sensors make of ``values``, in the tests where the mechanism acts."""
         made = self.mechanism.respond(scene, values, p, self.branch)
-        return made if self.tests is None and self.share == 1.0 else self._seen(self._rows(scene), values, made)
+        if made is values or (self.tests is None and self.share == 1.0):
+            return made
+        return self._seen(self._acts_in(scene)[scene.readings.test], values, made)
 
     def _seen(self, here: NDArray[np.bool_], before: Floats, made: Floats) -> Floats:
         """The share of a change that is seen where it is."""
         return np.where(here, made if self.share == 1.0 else before + self.share * (made - before), before)
 
-    def _tests(self, scene: Scene) -> list[int]:
-        return list(range(len(scene.readings.case.tests)) if self.tests is None else self.tests)
-
-    def _rows(self, scene: Scene) -> NDArray[np.bool_]:
-        return np.isin(scene.readings.test, self._tests(scene))
+    def _acts_in(self, scene: Scene) -> NDArray[np.bool_]:
+        """Whether it acts in each test; shape (T,)."""
+        acts = np.full(len(scene.readings.case.tests), self.tests is None)
+        acts[list(self.tests or ())] = True
+        return acts
 
 
 def predict(scene: Scene, terms: tuple[Term, ...], theta: Floats) -> Floats:
