@@ -41,14 +41,17 @@ def run(*command: str | Path) -> None:
         sys.exit(code)
 
 
-def check(programs: Path) -> None:
-    """Run the linters; meanwhile make ready what the tests would else wait for, each worker by itself."""
+def test(programs: Path, *options: str) -> None:
+    """Run linters and tests; beside them, make ready what the last of the tests need (tests/conftest.py)."""
     ready = subprocess.Popen([programs / "python", "-m", "analysis.simulate.ready"], cwd=HOME)
     try:
         run(programs / "ruff", "check", ".")
         run(programs / "ruff", "format", "--check", ".")
         run(programs / "mypy")
         run(programs / "lint-imports")
+        # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder", *options)
     except SystemExit:
         ready.kill()
         raise
@@ -70,10 +73,7 @@ def main() -> None:
     elif what == "slow":
         run(programs / "pytest", "-m", "slow", *rest)
     else:
-        check(programs)
-        # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"
-        run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder", *rest)
+        test(programs, *rest)
 
 
 main()

@@ -1,4 +1,4 @@
-"""For all tests: nobody leaves asyncio tasks running, or ports, sockets and files of the test open."""
+"""For all tests: their order; nobody leaves asyncio tasks running, or ports, sockets and files of the test open."""
 
 import asyncio
 import asyncio.runners
@@ -9,6 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What simulates comes last: the kernels and tables that it needs are made meanwhile (dev.py)."""
+    items.sort(key=lambda item: item.nodeid.startswith(("tests/analysis/", "tests/benchmarks/", "tests/bsdf/")))
 
 
 def _open(folders: str) -> Counter[str]:
