@@ -1,6 +1,7 @@
 """`labdaq simulate --export` and `--ray-set`: whole folders, read by others."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from click.testing import CliRunner, Result
 
 from analysis.bsdf.xml_read import read_bsdf
 from analysis.photometry.lm63 import read_lm63
+from analysis.simulate.export import folder as write
 from analysis.simulate.radiance.tools import radiance
 from labdaq.cli.simulate import command
 from labdaq.errors import ConfigError, DataError
@@ -30,7 +32,9 @@ def test_rays_that_miss_are_told_with_their_file_and_where_they_are(tmp_path: Pa
         assert words in str(done.exception)
 
 
-def test_a_folder_with_everything_and_back(tmp_path: Path) -> None:
+def test_a_folder_with_everything_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("tree_of_system", "klems_of_system"):  # their numbers are asked for in test_whole
+        monkeypatch.setattr(write, name, partial(getattr(write, name), rays=1_000))
     folder = tmp_path / "box"
     done = simulate("box", "--export", str(folder), *DAY, "--rays", "30000", "--json")
     assert done.exit_code == 0, done.output

@@ -105,7 +105,7 @@ def test_stated_uncertainty_is_the_scatter() -> None:
     system = named("tube").replace(exit=Lens(kind="none"), boot_height_m=0.0)
     day = daylight(45.0, 100.0, 20_000.0, 20_000.0, "overcast")
     gamma, c = np.arange(25.0, 80.0, 10.0), np.arange(0.0, 361.0, 30.0)
-    runs = [predict(system, day, rays=300_000, seed=k, gamma_deg=gamma, c_deg=c, threads=1).far for k in range(1, 6)]
+    runs = [predict(system, day, rays=100_000, seed=k, gamma_deg=gamma, c_deg=c, threads=1).far for k in range(1, 6)]
     candela = np.stack([run.sky.candela[:-1] for run in runs])
     stated = np.stack([run.sky_uncertainty[:-1] for run in runs])
     ratio = np.sqrt(np.mean(((candela - candela.mean(axis=(0, 1))) / stated) ** 2, axis=(0, 1)))

@@ -64,8 +64,8 @@ def both(
 @pytest.mark.parametrize("system", [DOME_TUBE, WHITE_WELL, named("tube").replace(exit=NONE)], ids=lambda s: s.name)
 @pytest.mark.parametrize("field", ["far", "near"])
 def test_open_systems_agree(system: System, field: str) -> None:
-    """Mean within 5 %, direction by direction within 15 % rms: six times what Radiance scatters from run to run."""
-    ours, theirs = both(system, 2.6 if field == "near" else 0.0, overcast(), 300_000, 0.02)
+    """Mean within 5 %, direction by direction within 15 % rms: twice what Radiance scatters at most."""
+    ours, theirs = both(system, 2.6 if field == "near" else 0.0, overcast(), 300_000, 0.04)
     x, y = (made.field("near" if field == "near" else "far").sky.candela[:-1, 1:-1] for made in (ours, theirs))
     bright = x > 0.05 * x.max()
     assert np.average((y / x)[bright], weights=x[bright]) == pytest.approx(1.0, abs=0.05)
