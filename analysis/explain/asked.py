@@ -65,6 +65,7 @@ from analysis.explain.thresholds import (
 )
 from analysis.explain.told_form import of_another_lens
 from analysis.explain.trace_settings import STRETCH_OF
+from analysis.explain.variants import is_half_a_turn
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -233,7 +234,8 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    if _patterned(h) or any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
+    lens = any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms)
+    if lens or _patterned(h) or any(is_half_a_turn(t.branch.value, h.fit.theta[k:]) for t, k in h.fit.placed):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
     share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG

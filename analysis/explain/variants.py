@@ -19,6 +19,9 @@ from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
+_SMALL_TURN_DEG = 25.0  # moves images by no more than they are wide: what lies between is a mixture
+_LEAST_TURN = 0.2  # of the least that was simulated, where that is small
+_HALF_TURNED = 0.95
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
@@ -197,7 +200,10 @@ def _weight(kind: _Kind, label: str) -> Parameter:
 
 
 def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
-    """A turned pattern is no mixture with the one that is not turned: only turns near the simulated ones, by side."""
+    """A turned pattern is no mixture with the one that is not turned: only turns near the simulated ones, by side.
+
+    A small turn moves images by less than they are wide, and what lies between is such a mixture.
+    """
     for side in (1.0, -1.0):
         rows = [run for run in runs if run.value is not None and side * run.value >= 0.0]
         if len(rows) < 2:
@@ -205,12 +211,22 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
         at, sun, sky = _stacked(rows)
         turns = at[at != 0.0]
         near, far = float(np.abs(turns).min()), float(np.abs(turns).max())
-        low, high = sorted((side * 0.7 * near, side * 1.3 * far))
+        small = near <= _SMALL_TURN_DEG
+        low, high = sorted((side * (_LEAST_TURN if small else 0.7) * near, side * 1.3 * far))
         what = "turn of the pattern, counter-clockwise from above"
-        width = max(0.15 * far, far - near)
-        turn = Parameter(key, "deg", what, low, high, width, tuple(turns.tolist()), centre=float(turns.mean()))
+        width = max(0.15 * far, far - near, 0.5 * near if small else 0.0)
+        starts = (*turns.tolist(), side * _NEARER[0] * near) if small else tuple(turns.tolist())
+        turn = Parameter(key, "deg", what, low, high, width, starts, centre=float(turns.mean()))
         label = f"{OF_CASE}s of {key}, {'counter-' if side > 0 else ''}clockwise"
         yield Path(label, turn, at, sun, sky, of_case=True)
+
+
+def is_half_a_turn(way: object, theta: Floats) -> bool:
+    """Whether a way, at parameters that begin with its own, is a mixture of a small turn of the pattern and none."""
+    if not (isinstance(way, Path) and way.of_case and way.parameter.name == "rotation_deg"):
+        return False
+    near = float(np.abs(way.positions[way.positions != 0.0]).min())
+    return near <= _SMALL_TURN_DEG and abs(float(theta[0])) < _HALF_TURNED * near
 
 
 def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from analysis.cases import Case
+from analysis.explain import asked
 from analysis.explain.apply import Model, apply_model
-from analysis.explain.fit import MIDDLE, Fitter
+from analysis.explain.fit import MIDDLE, Fit, Fitter
+from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import predict
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
@@ -18,6 +20,7 @@ from analysis.explain.readings import Readings
 from analysis.explain.retrace import Simulator
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
+from analysis.explain.thresholds import MISFIT_LIKE_A_LENS, MOST_MISFIT
 from analysis.explain.variants import retraced_of
 from analysis.photometry import Distribution
 from analysis.photometry.lm63 import FileGeneration, render_lm63
@@ -103,6 +106,24 @@ def test_a_variant_of_the_case_is_reached_in_full(tmp_path: Path) -> None:
     assert np.max(np.abs(made / exact - 1.0)[within]) < 0.02
     half = predict(scene, way, np.array([10.0]))
     assert half == pytest.approx((made + BASE) / 2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("variant", "least"), [(20.0, 4.0), (-10.0, -2.0), (90.0, 63.0)])
+def test_half_a_small_turn_is_a_mixture_and_half_a_large_one_is_none(
+    tmp_path: Path, variant: float, least: float
+) -> None:
+    """A mixture leaves more for others, as a form that is not quite right; the variant itself is the case's own."""
+    scene = varied(tmp_path / "case", ("lens-orientation", {"rotation_deg": variant}, turned, ""))
+    (way,) = (
+        w for w in terms_of(BY_ID["lens-orientation"], scene) if w.branch.of_case and "only" not in w.branch.label
+    )
+    (turn,) = way.parameters
+    assert (turn.low if variant > 0.0 else turn.high) == pytest.approx(least)
+    fits = [Fit((way,), np.array([share * variant]), np.zeros(0), np.zeros((0, 1))) for share in (0.5, 1.0)]
+    nothing = Hypothesis(Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0))), 0.0)
+    half, whole = (asked.misfit(Hypothesis(fit, 300.0), nothing) for fit in fits)
+    assert whole <= MOST_MISFIT < MISFIT_LIKE_A_LENS * 300.0
+    assert half == (whole if abs(variant) == 90.0 else pytest.approx(MISFIT_LIKE_A_LENS * 300.0))
 
 
 def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) -> None:
