@@ -77,9 +77,12 @@ def test_a_form_with_many_numbers_must_gain_more(arm: Scene) -> None:
     ("lens", "least"), [(0.5, NAME_FIRST_BELOW), (WRONG_LENS, NAME_FIRST_BELOW), (2.0, 2.0 * FIRST_BY_LENS)]
 )
 def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene, lens: float, least: float) -> None:
-    h, nothing = hypothesis(arm, 30.0, "dark-offset"), hypothesis(arm, 0.0)
+    h, nothing = hypothesis(arm, 30.0, "nonlinearity"), hypothesis(arm, 0.0)
     h.fit.hyper = Hyper(1.0, 1.0, lens)
     assert asked.first(h, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(least)
+    for offset in (hypothesis(arm, 30.0, "dark-offset"), hypothesis(arm, 30.0, "stray-light")):
+        offset.fit.hyper = h.fit.hyper
+        assert asked.first(offset, Conclusion(nothing, nothing, []), 1.0) == min(least, NAME_FIRST_LENS)
     for one_sensor, least_of_it in ((_sensor(arm, 0), NAME_FIRST_LENS), (_sensor(arm, 4), NAME_FIRST_BELOW)):
         one_sensor.fit.hyper = h.fit.hyper
         assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == least_of_it
