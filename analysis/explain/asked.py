@@ -100,7 +100,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     somewhat more.
     (Where a sensor's gain led, in five of 200 by three other authors, it was true; so were walls that scatter in nine
     cases of nine, by eight authors, where they led with more than 10 nats; in three of a ninth author's they were not.
-    Offsets led in six of 154 by seven authors: five that had 27 nats and more were true, one of 15 was not.)
+    Offsets led with 8 nats and more in six of 166 by seven authors: five of 27 and more were true, one of 15 not.)
     """
     lens = h.fit.hyper.lens
     never_wrong = {ChannelGain.id, WallScatter.id, *found.lacked, *found.shown}
