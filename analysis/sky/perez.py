@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.sky.clearness import Condition, clearness_class, from_illuminances
-from analysis.sky.quadrature import hemisphere_nodes
+from analysis.sky.quadrature import KINKED, hemisphere_nodes, nodes
 from labdaq.directions import angle_between, sky_vector
 
 Floats = NDArray[np.float64]
@@ -86,6 +86,8 @@ class PerezSky:
         relative, clipped = _relative(coefficients, cosine, gamma)
         if clipped:
             flags.append("negative-clipped")
+            cosine, gamma, weight = nodes(zenith, KINKED)
+            relative, _ = _relative(coefficients, cosine, gamma)
         total = float(np.sum(relative * cosine * weight))
         if total <= 0.0:  # nothing is left of the sky: better an even one that says so than a black one
             coefficients, total = (0.0, -1.0, 0.0, -1.0, 0.0), math.pi

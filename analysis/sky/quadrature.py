@@ -2,6 +2,7 @@
 
 import math
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +11,24 @@ from labdaq.directions import angle_between
 
 Floats = NDArray[np.float64]
 
+_SMOOTH: Final = 48
+KINKED: Final = 256
+"""Order for a sky that ends at nought on some line: by the other its integral was up to 3.5 % off, by this .1 %."""
+
 
 @lru_cache(maxsize=64)
 def hemisphere_nodes(zenith_rad: float) -> tuple[Floats, Floats, Floats]:
+    """`nodes` of as many as smooth skies need, kept."""
+    return nodes(zenith_rad, _SMOOTH)
+
+
+def nodes(zenith_rad: float, order: int) -> tuple[Floats, Floats, Floats]:
     """Nodes over the hemisphere for a sun at ``zenith_rad``: cosine to the zenith, angle to the sun, solid angle.
 
-    Gauss-Legendre rules in zenith angle, above and below the sun, and in azimuth from the sun; both crowd towards the
-    sun, where exp(d gamma) has its cusp.
+    Gauss-Legendre rules of some order in zenith angle, above and below the sun, and in azimuth from the sun; both crowd
+    towards the sun, where exp(d gamma) has its cusp. Shapes (2 order, order).
     """
-    t, w = np.polynomial.legendre.leggauss(48)
+    t, w = np.polynomial.legendre.leggauss(order)
     t, w = (t + 1.0) / 2.0, w / 2.0
     square, dsquare = t * t, 2.0 * t * w
     zeta = np.concatenate([zenith_rad * (1.0 - square), zenith_rad + (np.pi / 2 - zenith_rad) * square])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analysis.sky.clearness import (
@@ -134,6 +134,7 @@ def test_efficacies_close_the_circle(beam: float, diffuse: float, altitude: floa
     altitude=st.floats(0.5, 89.9),
     azimuth=st.floats(0.0, 360.0),
 )
+@example(epsilon=3.0, delta=0.012, altitude=61.0, azimuth=0.0)  # of 10000 lx it had 10360
 @settings(max_examples=60, deadline=None)
 def test_every_sky_is_finite_not_negative_and_keeps_its_illuminance(
     epsilon: float, delta: float, altitude: float, azimuth: float
@@ -143,9 +144,9 @@ def test_every_sky_is_finite_not_negative_and_keeps_its_illuminance(
     luminance = sky.luminance(d)
     assert np.all(np.isfinite(luminance))
     assert np.all(luminance >= 0.0)
-    # clipped skies have kinks, which both rules meet with an error of their own
-    tolerance = 5e-3 if "negative-clipped" in sky.flags else 5e-4
-    assert horizontal(sky, 250) == pytest.approx(10_000.0, rel=tolerance)
+    # clipped skies have kinks, which the midpoint rule meets with an error of its own
+    rings, tolerance = (700, 5e-3) if "negative-clipped" in sky.flags else (250, 5e-4)
+    assert horizontal(sky, rings) == pytest.approx(10_000.0, rel=tolerance)
 
 
 def test_impossible_skies_are_clamped_and_flagged() -> None:
