@@ -49,14 +49,18 @@ def test(programs: Path, *options: str) -> None:
         run(programs / "ruff", "format", "--check", ".")
         run(programs / "mypy")
         run(programs / "lint-imports")
+        if options:  # some tests may be those that simulate, at once
+            ready.wait()
+        if ready.poll():
+            sys.exit("python3 -m analysis.simulate.ready has failed")
         # each worker needs up to 4 GB; its matrices are small, so that threads would only wait for each other
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
         run(programs / "pytest", "--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder", *options)
-    except SystemExit:
+        if ready.wait():
+            sys.exit("python3 -m analysis.simulate.ready has failed")
+    finally:
         ready.kill()
-        raise
-    if ready.wait():
-        sys.exit("python3 -m analysis.simulate.ready has failed")
+        ready.wait()
 
 
 def main() -> None:
