@@ -60,11 +60,12 @@ class SkyFlux:
 def _flux(height_deg: float, normal_lx: float, diffuse_lx: float) -> tuple[Floats, float, float]:
     """Shares of the rings, the sunward component, and the share about the sun of one sky."""
     from analysis.sky.perez import PerezSky
-    from analysis.sky.quadrature import hemisphere_nodes
+    from analysis.sky.quadrature import KINKED, hemisphere_nodes, nodes
 
     sky = PerezSky.from_illuminances(normal_lx, max(diffuse_lx, 100.0), height_deg, 0.0)
-    zenith = np.radians(90.0 - height_deg)
-    cosine, away, weight = hemisphere_nodes(round(float(zenith), 9))
+    zenith = float(np.radians(90.0 - height_deg))
+    kinked = "negative-clipped" in sky.flags
+    cosine, away, weight = nodes(zenith, KINKED) if kinked else hemisphere_nodes(round(zenith, 9))
     across = (np.cos(away) - cosine * np.cos(zenith)) / max(float(np.sin(zenith)), 1e-3)  # towards the sun's side
     side = np.sqrt(np.maximum(1.0 - cosine**2 - across**2, 0.0))
     vectors = np.stack([side, across, cosine], axis=-1)  # the sky was made with its sun in the north, +y

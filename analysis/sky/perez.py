@@ -65,7 +65,7 @@ class PerezSky:
     flags
         Those of the condition, and ``delta-raised`` (the erratum's floor of 0.2 in classes 2 to 5), ``b-clamped``
         (b > 0 would diverge at the horizon; 0 was taken), ``negative-clipped`` (f below 0 somewhere; 0 was taken),
-        ``impossible-uniform`` (f below 0 everywhere; a uniform sky was taken).
+        ``impossible-uniform`` (f below 0 everywhere, or all but; a uniform sky was taken).
     """
 
     sun_altitude_deg: float
@@ -89,7 +89,7 @@ class PerezSky:
             cosine, gamma, weight = nodes(zenith, KINKED)
             relative, _ = _relative(coefficients, cosine, gamma)
         total = float(np.sum(relative * cosine * weight))
-        if total <= 0.0:  # nothing is left of the sky: better an even one that says so than a black one
+        if total < _BLACK:  # nothing is left of the sky: better an even one that says so than a black one
             coefficients, total = (0.0, -1.0, 0.0, -1.0, 0.0), math.pi
             flags.append("impossible-uniform")
         scale = diffuse_lx / total
@@ -153,6 +153,8 @@ def perez_coefficients(
 EPSILON_ERRATUM: Final = (1.065, 2.8)
 DELTA_ERRATUM: Final = 0.2
 """The erratum (Solar Energy 51:423) keeps delta at 0.2 or more between these clearnesses."""
+_BLACK: Final = 3e-3
+"""Integral of f over the hemisphere, weighed by the cosine, of a sky that is all but black (π where f is 1)."""
 
 
 def _relative(

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 _SMOOTH: Final = 48
 KINKED: Final = 256
-"""Order for a sky that ends at nought on some line: by the other its integral was up to 3.5 % off, by this .1 %."""
+"""Order for a sky that ends at nought on some line: of 120 such the other was off by up to 2.1 %, this by .05 %."""
 
 
 @lru_cache(maxsize=64)

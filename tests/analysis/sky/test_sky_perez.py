@@ -134,7 +134,7 @@ def test_efficacies_close_the_circle(beam: float, diffuse: float, altitude: floa
     altitude=st.floats(0.5, 89.9),
     azimuth=st.floats(0.0, 360.0),
 )
-@example(epsilon=3.0, delta=0.012, altitude=61.0, azimuth=0.0)  # of 10000 lx it had 10360
+@example(epsilon=3.0, delta=0.012, altitude=60.0, azimuth=0.0)  # of 10000 lx it had 10220
 @settings(max_examples=60, deadline=None)
 def test_every_sky_is_finite_not_negative_and_keeps_its_illuminance(
     epsilon: float, delta: float, altitude: float, azimuth: float
