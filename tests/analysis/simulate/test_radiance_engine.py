@@ -64,7 +64,7 @@ def both(
 @pytest.mark.parametrize("system", [DOME_TUBE, WHITE_WELL, named("tube").replace(exit=NONE)], ids=lambda s: s.name)
 @pytest.mark.parametrize("field", ["far", "near"])
 def test_open_systems_agree(system: System, field: str) -> None:
-    """Mean within 5 %, direction by direction within 15 % rms: twice what Radiance scatters at most."""
+    """Mean within 5 %, direction by direction within 15 % rms: of 24 runs the most were 1 and 6 %."""
     ours, theirs = both(system, 2.6 if field == "near" else 0.0, overcast(), 300_000, 0.04)
     x, y = (made.field("near" if field == "near" else "far").sky.candela[:-1, 1:-1] for made in (ours, theirs))
     bright = x > 0.05 * x.max()

@@ -135,8 +135,11 @@ def test_the_catalogue_is_complete() -> None:
 
 
 def test_no_picture_is_without_a_reading_where_the_sun_is_in_the_zenith() -> None:
-    """A campaign of the blind trial, one of whose suns stood within 8 degrees of the only direction: no answer."""
-    for seed in range(100):
+    """A campaign of the blind trial, one of whose suns stood within 8 degrees of the only direction: no answer.
+
+    So it was with one of 300 seeds.
+    """
+    for seed in (142, *range(20)):
         campaign = sky.draw(np.random.default_rng(seed))
         assert campaign.tests and all(len(test.directions) for test in campaign.tests), seed
 
