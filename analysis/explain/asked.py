@@ -66,7 +66,7 @@ from analysis.explain.thresholds import (
 )
 from analysis.explain.told_form import of_another_lens
 from analysis.explain.trace_settings import STRETCH_OF
-from analysis.explain.variants import is_half_a_turn
+from analysis.explain.variants import mixture
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -85,7 +85,7 @@ _LEFT_BY: Final = {
 ONE_PATTERN: Final = frozenset({"lens-orientation", "lens-anisotropy"})
 """A prediction that knows no pattern has none that lies wrongly. (Of ten other authors' 844 cases none
 hides both, on one system or on two.)"""
-_ON_ALL: Final = frozenset[str]().union(*DOUBLES)
+_ADD: Final = frozenset[str]().union(*DOUBLES)
 _POINTING: Final = frozenset({GammaOffset.id, COffset.id})
 _EVEN: Final = {"meter-gain": EVEN_GAIN, ChannelGain.id: EVEN_GAIN, "meter-cosine": EVEN_COSINE}
 
@@ -108,7 +108,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     far_wrong = not found.one_instrument and lens > WRONG_LENS and not (bends or set(h.ids) <= never_wrong)
     if not far_wrong or far_ahead(h, found):
         return _first(h, found, few)
-    return max(_first(h, found, few), NAME_FIRST_LENS if set(h.ids) <= _ON_ALL else FIRST_BY_LENS * lens)
+    return max(_first(h, found, few), NAME_FIRST_LENS if _on_all(h.fit) else FIRST_BY_LENS * lens)
 
 
 def far_ahead(h: Hypothesis, found: Conclusion) -> bool:
@@ -241,11 +241,11 @@ def misfit(h: Hypothesis, nothing: Hypothesis) -> float:
     gain = max(h.evidence - nothing.evidence, 0.0)
     if of_another_lens(h):
         return MISFIT_LENS * gain
-    lens = any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms)
-    if lens or _patterned(h) or any(is_half_a_turn(t.branch.value, h.fit.theta[k:]) for t, k in h.fit.placed):
+    if _patterned(h) or any(t.mechanism.like_a_lens and not t.branch.of_case for t in h.fit.terms):
         return MISFIT_LIKE_A_LENS * gain
     wrong = max((_wrong(t) for t in h.fit.terms), default=0.0)
-    share = MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG
+    mixed = max((mixture(t.branch.value, h.fit.theta[k:]) for t, k in h.fit.placed), default=0.0)
+    share = max(MISFIT_OF_TWO if len(h.ids) > 1 else MISFIT_STRONG, MISFIT_LIKE_A_LENS * mixed)
     return max(min(wrong**2 * gain, MOST_MISFIT), share * gain)
 
 
@@ -257,6 +257,11 @@ def _outermost(terms: Iterable[Term]) -> bool:
 def _patterned(h: Hypothesis) -> bool:
     """Whether a lens's pattern is read off the recordings."""
     return any(x.wander is PATTERN for x in h.wanders)
+
+
+def _on_all(fit: Fit) -> bool:
+    """Whether one number is added to all readings, by an offset in the dark or a leak of light from no side."""
+    return set(fit.ids) <= _ADD and all(len(t.parameters) == 1 for t in fit.terms)
 
 
 def stretches(term: Term) -> bool:

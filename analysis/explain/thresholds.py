@@ -98,8 +98,9 @@ WRONG_LENS = 1.2
 """Below a skylight a first name is asked for more where the simulation's lens is wrong by more than so many times the
 usual beside it (`Hyper.lens`):"""
 FIRST_BY_LENS = 25.0
-"""at least this for each time. (On two other authors' skylights and our own, of first names with less than that six of
-seven were wrong, with 23 to 60 nats; of those with more 16 of 19 were right.)"""
+"""at least this for each time, or `NAME_FIRST_LENS` if it adds one number to all readings. (On two other authors'
+skylights and our own, of first names with less than that six of seven were wrong, with 23 to 60 nats; of those with
+more 16 of 19 were right.)"""
 FAR_AHEAD = 5.0
 """A clock, a wrong split of sun and sky, or a range that ends, if it is ahead of all other names by so many times the
 root of what it gains, is asked for no more beside a wrong lens, and is told however rough what is left: a lens is wrong
@@ -178,7 +179,8 @@ MISFIT_LENS = 0.5
 """Share of its gain that a change of the lens may leave for others: it is worked out on another lens."""
 MISFIT_LIKE_A_LENS = 0.3
 """The same of what is written as a formula, but looks like a lens simulated a little wrong. (A change that the case's
-own variants show leaves no more than other mechanisms do.)"""
+own variants show leaves no more than other mechanisms do, but for half of a small turn: as much half-way, the less the
+nearer it is to what was simulated.)"""
 LEAST_EFFECT = 0.012
 """A second (third) mechanism must change the readings by this (rms, relative, a gain per test removed): the forms are
 not right to better than that."""

@@ -21,7 +21,6 @@ _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the st
 _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
 _SMALL_TURN_DEG = 25.0  # moves images by no more than they are wide: what lies between is a mixture
 _LEAST_TURN = 0.2  # of the least that was simulated, where that is small
-_HALF_TURNED = 0.95
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
@@ -211,7 +210,7 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
         at, sun, sky = _stacked(rows)
         turns = at[at != 0.0]
         near, far = float(np.abs(turns).min()), float(np.abs(turns).max())
-        small = near <= _SMALL_TURN_DEG
+        small = far <= _SMALL_TURN_DEG
         low, high = sorted((side * (_LEAST_TURN if small else 0.7) * near, side * 1.3 * far))
         what = "turn of the pattern, counter-clockwise from above"
         width = max(0.15 * far, far - near, 0.5 * near if small else 0.0)
@@ -221,12 +220,16 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
         yield Path(label, turn, at, sun, sky, of_case=True)
 
 
-def is_half_a_turn(way: object, theta: Floats) -> bool:
-    """Whether a way, at parameters that begin with its own, is a mixture of a small turn of the pattern and none."""
+def mixture(way: object, theta: Floats) -> float:
+    """How much of a mixture a small turn of the pattern is with none: 1 half-way, 0 where it was simulated.
+
+    ``theta`` begins with the way's own parameters. So errs a straight line between two points of a curve.
+    """
     if not (isinstance(way, Path) and way.of_case and way.parameter.name == "rotation_deg"):
-        return False
-    near = float(np.abs(way.positions[way.positions != 0.0]).min())
-    return near <= _SMALL_TURN_DEG and abs(float(theta[0])) < _HALF_TURNED * near
+        return 0.0
+    turns = np.abs(way.positions[way.positions != 0.0])
+    x = min(abs(float(theta[0])) / float(turns.min()), 1.0)
+    return 4.0 * x * (1.0 - x) if turns.max() <= _SMALL_TURN_DEG else 0.0
 
 
 def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:

@@ -108,7 +108,7 @@ class Whitener:
     def gram_of(self, white: Solved) -> Floats:
         """`gram` of columns that are already solved, by block factors that other effects' sizes may share."""
         onto = np.concatenate([size * white.times(part).T for part, size in self._parts])
-        return np.asarray(white.columns.T @ white.columns - onto.T @ cho_solve(self._inner, onto, check_finite=False))
+        return np.asarray(white.columns.T @ white.columns - onto.T @ cho_solve(self._inner, onto))
 
     def gram(self, columns: Floats) -> Floats:
         """``columns``ᵀ Σ⁻¹ ``columns`` for columns (N, k); shape (k, k)."""

@@ -83,6 +83,9 @@ def test_beside_a_lens_that_is_far_wrong_a_first_name_must_gain_more(arm: Scene,
     for offset in (hypothesis(arm, 30.0, "dark-offset"), hypothesis(arm, 30.0, "stray-light")):
         offset.fit.hyper = h.fit.hyper
         assert asked.first(offset, Conclusion(nothing, nothing, []), 1.0) == min(least, NAME_FIRST_LENS)
+    from_a_side = next(t for t in terms_of(BY_ID["stray-light"], arm) if len(t.parameters) == 3)
+    offset.fit.terms = (from_a_side,)
+    assert asked.first(offset, Conclusion(nothing, nothing, []), 1.0) == pytest.approx(least)
     for one_sensor, least_of_it in ((_sensor(arm, 0), NAME_FIRST_LENS), (_sensor(arm, 4), NAME_FIRST_BELOW)):
         one_sensor.fit.hyper = h.fit.hyper
         assert asked.first(one_sensor, Conclusion(nothing, nothing, []), 1.0) == least_of_it

@@ -119,11 +119,14 @@ def test_half_a_small_turn_is_a_mixture_and_half_a_large_one_is_none(
     )
     (turn,) = way.parameters
     assert (turn.low if variant > 0.0 else turn.high) == pytest.approx(least)
-    fits = [Fit((way,), np.array([share * variant]), np.zeros(0), np.zeros((0, 1))) for share in (0.5, 1.0)]
     nothing = Hypothesis(Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0))), 0.0)
-    half, whole = (asked.misfit(Hypothesis(fit, 300.0), nothing) for fit in fits)
-    assert whole <= MOST_MISFIT < MISFIT_LIKE_A_LENS * 300.0
-    assert half == (whole if abs(variant) == 90.0 else pytest.approx(MISFIT_LIKE_A_LENS * 300.0))
+    left = []
+    for share in (0.5, 0.9, 1.0, 1.2):
+        fit = Fit((way,), np.array([share * variant]), np.zeros(0), np.zeros((0, 1)))
+        left.append(asked.misfit(Hypothesis(fit, 300.0), nothing))
+    assert left[2] == left[3] <= MOST_MISFIT
+    share = 0.0 if abs(variant) == 90.0 else MISFIT_LIKE_A_LENS
+    assert left[:2] == pytest.approx([max(share * 300.0, left[2]), max(0.36 * share * 300.0, left[2])])
 
 
 def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) -> None:
