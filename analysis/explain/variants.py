@@ -201,23 +201,32 @@ def _weight(kind: _Kind, label: str) -> Parameter:
 def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
     """A turned pattern is no mixture with the one that is not turned: only turns near the simulated ones, by side.
 
-    A small turn moves images by less than they are wide, and what lies between is such a mixture.
+    A small turn moves images by less than they are wide, and what lies between is such a mixture: small ones are a path
+    of their own.
     """
-    for side in (1.0, -1.0):
-        rows = [run for run in runs if run.value is not None and side * run.value >= 0.0]
-        if len(rows) < 2:
-            continue
-        at, sun, sky = _stacked(rows)
-        turns = at[at != 0.0]
-        near, far = float(np.abs(turns).min()), float(np.abs(turns).max())
-        small = far <= _SMALL_TURN_DEG
-        low, high = sorted((side * (_LEAST_TURN if small else 0.7) * near, side * 1.3 * far))
-        what = "turn of the pattern, counter-clockwise from above"
-        width = max(0.15 * far, far - near, 0.5 * near if small else 0.0)
-        starts = (*turns.tolist(), side * _NEARER[0] * near) if small else tuple(turns.tolist())
-        turn = Parameter(key, "deg", what, low, high, width, starts, centre=float(turns.mean()))
-        label = f"{OF_CASE}s of {key}, {'counter-' if side > 0 else ''}clockwise"
-        yield Path(label, turn, at, sun, sky, of_case=True)
+    one, *turned = runs
+    for side, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
+        mine = [run for run in turned if run.value is not None and side * run.value > 0.0]
+        small = [run for run in mine if abs(run.value or 0.0) <= _SMALL_TURN_DEG]
+        large = [run for run in mine if abs(run.value or 0.0) > _SMALL_TURN_DEG]
+        label = f"{OF_CASE}s of {key}, {way}"
+        if small:
+            starts = (side * _NEARER[0] * min(abs(run.value or 0.0) for run in small),)
+            yield _turn(f"{label}, by little" if large else label, key, [one, *small], _LEAST_TURN, starts)
+        if large:
+            yield _turn(label, key, [one, *large], 0.7)
+
+
+def _turn(label: str, key: str, runs: list[_Run], least: float, starts: tuple[float, ...] = ()) -> Path:
+    """Turns to one side, from a share ``least`` of the least simulated one on; ``starts`` beside the simulated ones."""
+    at, sun, sky = _stacked(runs)
+    turns = at[at != 0.0]
+    near, far = sorted((float(turns[0]), float(turns[-1])), key=abs)
+    low, high = sorted((least * near, 1.3 * far))
+    width = max(0.15 * abs(far), abs(far - near), 0.5 * abs(near) if starts else 0.0)
+    what = "turn of the pattern, counter-clockwise from above"
+    turn = Parameter(key, "deg", what, low, high, width, (*turns.tolist(), *starts), centre=float(turns.mean()))
+    return Path(label, turn, at, sun, sky, of_case=True)
 
 
 def mixture(way: object, theta: Floats) -> float:

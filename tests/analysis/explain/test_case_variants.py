@@ -129,6 +129,19 @@ def test_half_a_small_turn_is_a_mixture_and_half_a_large_one_is_none(
     assert left[:2] == pytest.approx([max(share * 300.0, left[2]), max(0.36 * share * 300.0, left[2])])
 
 
+def test_small_turns_and_large_ones_are_paths_of_their_own(tmp_path: Path) -> None:
+    """Between 20° and 90° lies no mixture of the two."""
+    turns = [("lens-orientation", {"rotation_deg": turn}, turned, "") for turn in (20.0, 90.0, -30.0)]
+    paths = varied(tmp_path / "case", *turns).retraced
+    assert paths is not None
+    reach = {path.label: (path.parameter.low, path.parameter.high) for path in paths.case_paths["lens-orientation"]}
+    assert {label: at for label, at in reach.items() if "only" not in label} == {
+        f"{TURNED}, by little": pytest.approx((4.0, 26.0)),
+        TURNED: pytest.approx((63.0, 117.0)),
+        TURNED.replace("counter-", ""): pytest.approx((-39.0, -21.0)),
+    }
+
+
 def test_what_the_case_brings_is_applied_without_a_simulation(tmp_path: Path) -> None:
     class Busy:
         def __getattr__(self, name: str) -> Any:
