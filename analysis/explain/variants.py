@@ -212,21 +212,30 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
         label = f"{OF_CASE}s of {key}, {way}"
         if small:
             starts = (side * _NEARER[0] * min(abs(run.value or 0.0) for run in small),)
-            yield _turn(f"{label}, by little" if large else label, key, [one, *small], _LEAST_TURN, starts)
+            beyond = min(_BEYOND, max(1.3, _SMALL_TURN_DEG / max(abs(run.value or 0.0) for run in small)))
+            reach = _LEAST_TURN, beyond
+            yield _turn(f"{label}, by little" if large else label, key, [one, *small], reach, starts)
         if large:
-            yield _turn(label, key, [one, *large], 0.7)
+            yield _turn(label, key, [one, *large], (0.7, 1.3))
 
 
-def _turn(label: str, key: str, runs: list[_Run], least: float, starts: tuple[float, ...] = ()) -> Path:
-    """Turns to one side, from a share ``least`` of the least simulated one on; ``starts`` beside the simulated ones."""
+def _turn(label: str, key: str, runs: list[_Run], reach: tuple[float, float], starts: tuple[float, ...] = ()) -> Path:
+    """Turns to one side, from and to shares of the least and the largest simulated; ``starts`` beside those."""
     at, sun, sky = _stacked(runs)
     turns = at[at != 0.0]
     near, far = sorted((float(turns[0]), float(turns[-1])), key=abs)
-    low, high = sorted((least * near, 1.3 * far))
+    low, high = sorted((reach[0] * near, reach[1] * far))
     width = max(0.15 * abs(far), abs(far - near), 0.5 * abs(near) if starts else 0.0)
     what = "turn of the pattern, counter-clockwise from above"
     turn = Parameter(key, "deg", what, low, high, width, (*turns.tolist(), *starts), centre=float(turns.mean()))
     return Path(label, turn, at, sun, sky, of_case=True)
+
+
+def turns_little(way: object) -> bool:
+    """Whether a way is small turns of a pattern that the case brings, and mixtures of them and of none."""
+    if not (isinstance(way, Path) and way.of_case and way.parameter.name == "rotation_deg"):
+        return False
+    return bool(np.abs(way.positions).max() <= _SMALL_TURN_DEG)
 
 
 def mixture(way: object, theta: Floats) -> float:
@@ -234,11 +243,10 @@ def mixture(way: object, theta: Floats) -> float:
 
     ``theta`` begins with the way's own parameters. So errs a straight line between two points of a curve.
     """
-    if not (isinstance(way, Path) and way.of_case and way.parameter.name == "rotation_deg"):
+    if not (isinstance(way, Path) and turns_little(way)):
         return 0.0
-    turns = np.abs(way.positions[way.positions != 0.0])
-    x = min(abs(float(theta[0])) / float(turns.min()), 1.0)
-    return 4.0 * x * (1.0 - x) if turns.max() <= _SMALL_TURN_DEG else 0.0
+    x = min(abs(float(theta[0])) / float(np.abs(way.positions[way.positions != 0.0]).min()), 1.0)
+    return 4.0 * x * (1.0 - x)
 
 
 def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:

@@ -136,7 +136,7 @@ def test_small_turns_and_large_ones_are_paths_of_their_own(tmp_path: Path) -> No
     assert paths is not None
     reach = {path.label: (path.parameter.low, path.parameter.high) for path in paths.case_paths["lens-orientation"]}
     assert {label: at for label, at in reach.items() if "only" not in label} == {
-        f"{TURNED}, by little": pytest.approx((4.0, 26.0)),
+        f"{TURNED}, by little": pytest.approx((4.0, 26.0)),  # of smaller ones to 2.2 times as far
         TURNED: pytest.approx((63.0, 117.0)),
         TURNED.replace("counter-", ""): pytest.approx((-39.0, -21.0)),
     }
