@@ -20,6 +20,7 @@ from analysis.explain.mechanisms.roof_meters import MeterTilt
 from analysis.explain.mechanisms.sensor_heads import ChannelGain
 from analysis.explain.mechanisms.well import WallScatter
 from analysis.explain.search import Search
+from analysis.explain.small_turns import mixture
 from analysis.explain.thresholds import (
     DOUBLES,
     EVEN,
@@ -66,7 +67,6 @@ from analysis.explain.thresholds import (
 )
 from analysis.explain.told_form import of_another_lens
 from analysis.explain.trace_settings import STRETCH_OF
-from analysis.explain.variants import mixture
 
 _OF_THE_SUN: Final = frozenset({Stage.SUN_AND_SKY, Stage.ROOF_METERS, Stage.TIME})
 """What acts here acts alike on all readings under one sun, as a simulation's own error does."""
@@ -97,7 +97,7 @@ def first(h: Hypothesis, found: Conclusion, few: float) -> float:
     not of what the prediction lacks by the case's own account, nor of what repeated readings show; no lens is wrong at
     one sensor alone, or as a clock is.
     Nor does one add the same to all sensors, in the dark corners as under the images: such an offset is asked for
-    somewhat more.
+    `NAME_FIRST_LENS`.
     (Where a sensor's gain led, in five of 200 by three other authors, it was true; so were walls that scatter in nine
     cases of nine, by eight authors, where they led with more than 10 nats; in three of a ninth author's they were not.
     Offsets led with 8 nats and more in six of 166 by seven authors: five of 27 and more were true, one of 15 not.)

@@ -210,7 +210,7 @@ class Scene:
 
     @cached_property
     def _where(self) -> tuple[Floats, Floats]:
-        """Gamma and C of each row [deg], zero where it has none."""
+        """Gamma and C of each row [deg], zero where it has none; shapes (N,), (N,)."""
         return np.nan_to_num(self.readings.gamma_deg), np.nan_to_num(self.readings.c_deg)
 
     @cached_property
@@ -223,7 +223,7 @@ class Scene:
 
     @cached_property
     def _trust(self) -> Floats:
-        """By what each record's own prediction is more than the fields at its direction."""
+        """By which factor each record's own prediction is more than the fields at its direction; shape (N,)."""
         base = np.add(*self._nominal_parts)
         return np.clip(np.divide(self.readings.simulated, base, out=np.ones(len(base)), where=base > 0), *_TRUST)
 

@@ -14,13 +14,14 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.ratios import plain_ratio
 from analysis.explain.readings import Readings
 from analysis.explain.retrace import Path, Retraced, Simulator, by_system
+from analysis.explain.small_turns import SMALL_TURN_DEG
 from analysis.explain.variant_gaps import without_gaps
 from analysis.explain.variant_rays import without_rays
 
 _BEYOND = 2.2  # as far as a setting may lie beyond a case's variants, in the steps from the baseline to them
 _NEARER = (0.4, 0.2)  # ways are chosen by how they do at their starts, and most settings are off by less than variants
-_SMALL_TURN_DEG = 25.0  # moves images by no more than they are wide: what lies between is a mixture
-_LEAST_TURN = 0.2  # of the least that was simulated, where that is small
+_LEAST_TURN = 0.2  # of the least that was simulated, where that is small; else
+_NEAR_TURN, _FAR_TURN = 0.7, 1.3  # of the least and the largest
 _AMOUNT = "fraction"  # of settings that are changed together, the one that says how much of all that is seen
 _WALLS = "wall-reflectance"
 OF_CASE: Final = "case's variant"
@@ -206,17 +207,17 @@ def _turns(key: str, runs: list[_Run]) -> Iterable[Path]:
     """
     one, *turned = runs
     for side, way in ((1.0, "counter-clockwise"), (-1.0, "clockwise")):
-        mine = [run for run in turned if run.value is not None and side * run.value > 0.0]
-        small = [run for run in mine if abs(run.value or 0.0) <= _SMALL_TURN_DEG]
-        large = [run for run in mine if abs(run.value or 0.0) > _SMALL_TURN_DEG]
+        mine = [(side * run.value, run) for run in turned if run.value is not None]
+        small = {size for size, _ in mine if 0.0 < size <= SMALL_TURN_DEG}
+        large = [run for size, run in mine if size > SMALL_TURN_DEG]
         label = f"{OF_CASE}s of {key}, {way}"
         if small:
-            starts = (side * _NEARER[0] * min(abs(run.value or 0.0) for run in small),)
-            beyond = min(_BEYOND, max(1.3, _SMALL_TURN_DEG / max(abs(run.value or 0.0) for run in small)))
-            reach = _LEAST_TURN, beyond
-            yield _turn(f"{label}, by little" if large else label, key, [one, *small], reach, starts)
+            reach = _LEAST_TURN, min(_BEYOND, max(_FAR_TURN, SMALL_TURN_DEG / max(small)))
+            runs_of_it = [one, *(run for size, run in mine if size in small)]
+            starts = (side * _NEARER[0] * min(small),)
+            yield _turn(f"{label}, by little" if large else label, key, runs_of_it, reach, starts)
         if large:
-            yield _turn(label, key, [one, *large], (0.7, 1.3))
+            yield _turn(label, key, [one, *large], (_NEAR_TURN, _FAR_TURN))
 
 
 def _turn(label: str, key: str, runs: list[_Run], reach: tuple[float, float], starts: tuple[float, ...] = ()) -> Path:
@@ -229,24 +230,6 @@ def _turn(label: str, key: str, runs: list[_Run], reach: tuple[float, float], st
     what = "turn of the pattern, counter-clockwise from above"
     turn = Parameter(key, "deg", what, low, high, width, (*turns.tolist(), *starts), centre=float(turns.mean()))
     return Path(label, turn, at, sun, sky, of_case=True)
-
-
-def turns_little(way: object) -> bool:
-    """Whether a way is small turns of a pattern that the case brings, and mixtures of them and of none."""
-    if not (isinstance(way, Path) and way.of_case and way.parameter.name == "rotation_deg"):
-        return False
-    return bool(np.abs(way.positions).max() <= _SMALL_TURN_DEG)
-
-
-def mixture(way: object, theta: Floats) -> float:
-    """How much of a mixture a small turn of the pattern is with none: 1 half-way, 0 where it was simulated.
-
-    ``theta`` begins with the way's own parameters. So errs a straight line between two points of a curve.
-    """
-    if not (isinstance(way, Path) and turns_little(way)):
-        return 0.0
-    x = min(abs(float(theta[0])) / float(np.abs(way.positions[way.positions != 0.0]).min()), 1.0)
-    return 4.0 * x * (1.0 - x)
 
 
 def _stacked(runs: list[_Run]) -> tuple[Floats, Floats, Floats]:

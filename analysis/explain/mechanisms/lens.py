@@ -14,7 +14,7 @@ from analysis.explain.parameter import Parameter
 from analysis.explain.retrace import Path
 from analysis.explain.scene import Light, Scene
 from analysis.explain.shift_pattern import WAYS
-from analysis.explain.variants import turns_little
+from analysis.explain.small_turns import turns_little
 
 _WEIGHT = Parameter(
     "weight", "1", "share of the re-simulated change that is seen (1 = all)", 0.0, 1.5, 0.2, (1.0,), centre=1.0
