@@ -42,11 +42,11 @@ def light(side: Side, tilt_deg: float) -> Floats:
 @pytest.mark.parametrize(
     ("side", "tilt"),
     [
-        ("prism", 0.0),
+        pytest.param("prism", 0.0, marks=pytest.mark.slow),
         ("prism", 40.0),
         pytest.param("prism", 70.0, marks=pytest.mark.slow),
-        ("flat", 0.0),
-        ("flat", 40.0),
+        pytest.param("flat", 0.0, marks=pytest.mark.slow),
+        pytest.param("flat", 40.0, marks=pytest.mark.slow),
         ("flat", 70.0),
     ],
 )

@@ -53,7 +53,8 @@ def like(system: System, seen: Floats, days: list[Daylight] = DAYS) -> System:
 
 @pytest.mark.parametrize("kind", [pytest.param("top", marks=pytest.mark.slow), "box"])
 def test_the_supposed_lens_stays_where_it_looks_like_the_prediction(kind: str) -> None:
-    assert like(SYSTEMS[kind], predicted(SYSTEMS[kind])) == SYSTEMS[kind]
+    found = likeness_of(SYSTEMS[kind], predicted(SYSTEMS[kind]))
+    assert (found.system, found.spread_deg) == (SYSTEMS[kind], 0.0)
 
 
 @pytest.mark.slow
@@ -191,6 +192,10 @@ STEEP = SYSTEMS["tube"].with_settings({"exit.slope_deg": 33.75})
 def test_what_a_lens_spreads_as_light_leaves_is_no_moulding() -> None:
     found = likeness_of(SYSTEMS["tube"], rough(STEEP, 9.0))
     assert found.spread_deg in (6.5, 9.0, 12.0) and found.system.exit.blur_deg <= 7.0
+
+
+@pytest.mark.slow
+def test_a_steep_lens_that_spreads_nothing_is_not_taken_for_a_rough_one() -> None:
     assert likeness_of(SYSTEMS["tube"], predicted(STEEP)).spread_deg == 0.0
 
 

@@ -136,7 +136,7 @@ def test_radiance_sees_the_same_file_the_same_way(tmp_path: Path, changes: dict[
         system = system.replace(entry=system.exit, exit=Lens(kind="none"))
     cap = sky_vector(52.0, 250.0)
     day = daylight(90.0, 0.0, 10_000.0, 10_000.0, lambda v: np.where(v @ cap > np.cos(np.radians(9.0)), 1.0, 0.0))
-    gamma, c = np.arange(0.0, 90.1, 3.0), np.arange(0.0, 360.1, 7.5)
+    gamma, c = np.arange(0.0, 90.1, 5.0), np.arange(0.0, 360.1, 15.0)  # the file's patches are as wide
     means, fluxes = [], []
     for engine, options in (("tracer", {"rays": 100_000}), ("radiance", {"precision": 0.5})):
         made = predict(system, day, engine=engine, gamma_deg=gamma, c_deg=c, **options).sky  # type: ignore[arg-type]

@@ -42,12 +42,18 @@ def test_the_plane_gets_all_the_light_that_leaves() -> None:
 
 @pytest.mark.parametrize("case", [c for c in CASES if c.key in PUBLISHED], ids=lambda c: c.name)
 def test_the_integral_meets_what_is_published(case: Case) -> None:
-    """Printed with two decimals; 0.3 % for what the tables' own method may have lost."""
+    """Printed with two decimals; 0.3 % for what the tables' own method may have lost. 300 steps lose 0.1 % at most."""
     printed = np.array(PUBLISHED[case.key])
-    assert np.all(np.abs(integral(case, (12,))[0] - printed) < 0.006 + 0.003 * printed)
+    assert np.all(np.abs(integral(case, (12,), 300)[0] - printed) < 0.006 + 0.003 * printed)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
+_FIRST = [next(case for case in CASES if case.section == section) for section in sorted({c.section for c in CASES})]
+"""One room of each section; the others have larger openings, or deeper and higher masks."""
+
+
+@pytest.mark.parametrize(
+    "case", [c if c in _FIRST else pytest.param(c, marks=pytest.mark.slow) for c in CASES], ids=lambda c: c.name
+)
 def test_the_integral_is_done(case: Case) -> None:
     """The error goes with the square of the step, and four times as many are used as at first here."""
     coarse, fine = integral(case, (1, 12), 150), integral(case, (1, 12), 300)
@@ -61,7 +67,9 @@ def test_roof_openings(case: Case) -> None:
     assert abs(found.mean()) < 0.01 and np.sqrt(np.mean(found**2)) < 0.05
 
 
-@pytest.mark.parametrize("case", [ROOF, FACADE, OVERHANG, FENCE], ids=lambda c: c.name)
+@pytest.mark.parametrize(
+    "case", [FACADE, OVERHANG, *(pytest.param(c, marks=pytest.mark.slow) for c in (ROOF, FENCE))], ids=lambda c: c.name
+)
 def test_every_side_of_the_room(case: Case) -> None:
     """A hole sees some 1 % of the rays pass: 250,000 leave noise of 2 %. Radiance draws 1,024 for a point."""
     ours, theirs = errors(case, holes, (1, 12), 150, rays=250_000), errors(case, radiance, (1, 12), 150, rays=1_024)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from analysis.bsdf.basis import KLEMS_QUARTER
 from analysis.bsdf.xml_read import read_bsdf
 from analysis.photometry.lm63 import read_lm63
 from analysis.simulate.export import folder as write
 from analysis.simulate.radiance.tools import radiance
+from analysis.simulate.whole import klems_of_system, tree_of_system
 from labdaq.cli.simulate import command
 from labdaq.errors import ConfigError, DataError
 
@@ -33,8 +35,9 @@ def test_rays_that_miss_are_told_with_their_file_and_where_they_are(tmp_path: Pa
 
 
 def test_a_folder_with_everything_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("tree_of_system", "klems_of_system"):  # their numbers are asked for in test_whole
-        monkeypatch.setattr(write, name, partial(getattr(write, name), rays=1_000))
+    # few rays in wide cells and patches: their numbers are asked for in test_whole
+    monkeypatch.setattr(write, "tree_of_system", partial(tree_of_system, depth=3, rays=200))
+    monkeypatch.setattr(write, "klems_of_system", partial(klems_of_system, basis=KLEMS_QUARTER, rays=200))
     folder = tmp_path / "box"
     done = simulate("box", "--export", str(folder), *DAY, "--rays", "30000", "--json")
     assert done.exit_code == 0, done.output

@@ -1,15 +1,18 @@
 """The matrix against direct runs."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis.photometry import Distribution
+from analysis.simulate import matrix as matrices
 from analysis.simulate.daylight import daylight
 from analysis.simulate.matrix import SkylightMatrix, skylight_matrix
 from analysis.simulate.source import skies
-from analysis.simulate.system import named
+from analysis.simulate.system import System, named
 from analysis.simulate.tracer import Settings, trace
 from labdaq.errors import ConfigError
 
@@ -64,7 +67,18 @@ def test_wrong_number_of_patches_is_refused(matrix: SkylightMatrix) -> None:
         matrix.predict(np.ones(577))
 
 
-def test_it_is_kept_and_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("traced", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_it_is_kept_and_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, matrix: SkylightMatrix, traced: bool
+) -> None:
+    """What is kept is traced, or (in less time) the other tests' matrix with a gain for each seed."""
+
+    def made(_: System, __: int, ___: int, settings: Settings, *____: object) -> dict[str, NDArray[Any]]:
+        arrays = {name: getattr(matrix, name) for name in ("near", "error", "flux", "flux_error", "nadir_error")}
+        return arrays | {"far": settings.seed * matrix.far}
+
+    if not traced:
+        monkeypatch.setattr(matrices, "_traced", made)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     open_box = named("box").with_settings({"entry.kind": "clear", "exit.kind": "none"})
     first = skylight_matrix(open_box, rays_per_patch=100, threads=1)

@@ -46,8 +46,9 @@ def test_parts_and_balance() -> None:
 
 def test_room_adds_light_everywhere() -> None:
     day = daylight(60.0, 90.0, 80_000.0, 20_000.0, "overcast")
+    grid = {"gamma_deg": np.arange(0.0, 90.1, 10.0), "c_deg": np.arange(0.0, 360.1, 45.0)}
     dark, lit = (
-        predict(named("top"), day, distance_m=2.6, room=room, rays=20_000, threads=1).field("near")
+        predict(named("top"), day, distance_m=2.6, room=room, rays=20_000, threads=1, **grid).field("near")
         for room in (None, Room(wall=0.2))
     )
     assert np.all(lit.sky.candela >= dark.sky.candela) and np.all(lit.sun.candela >= dark.sun.candela)

@@ -71,8 +71,15 @@ def pulls(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> Floats:
     return result
 
 
-@pytest.mark.parametrize("name", ["top", "box", "tube"])
-@pytest.mark.parametrize("distance", [0.0, 2.6])
+@pytest.mark.parametrize(
+    ("name", "distance"),
+    [
+        ("top", 2.6),
+        ("box", 0.0),
+        ("tube", 2.6),
+        *(pytest.param(*other, marks=pytest.mark.slow) for other in (("top", 0.0), ("box", 2.6), ("tube", 0.0))),
+    ],
+)
 def test_forwards_and_backwards_agree(name: str, distance: float) -> None:
     """A sky's light scored at the last event, and a sensor's rays followed to the sky; they share walls and sheets."""
     day = daylight(40.0, 100.0, 60_000.0, 20_000.0, "perez")
@@ -82,7 +89,7 @@ def test_forwards_and_backwards_agree(name: str, distance: float) -> None:
     assert np.mean(pull**2) < 2.2 and np.all(np.abs(pull) < 4.5)
 
 
-@pytest.mark.parametrize("name", ["top", "box", "tube"])
+@pytest.mark.parametrize("name", ["top", pytest.param("box", marks=pytest.mark.slow), "tube"])
 @pytest.mark.parametrize("prisms", [pytest.param("down", marks=pytest.mark.slow), "up"])
 def test_scored_is_what_is_counted(name: str, prisms: str) -> None:
     """Beside lumens counted in fine cells, with a turned, mirrored and soiled lens; 2 % for the cells' smoothing."""
@@ -131,14 +138,17 @@ def test_stated_error_covers(name: str, altitude: float) -> None:
         assert np.mean(within) > 0.88
 
 
-def test_precision_is_reached_in_few_directions() -> None:
+@pytest.mark.parametrize(
+    ("precision", "c"), [(0.02, ARM_C_DEG[::4]), pytest.param(0.01, ARM_C_DEG, marks=pytest.mark.slow)]
+)
+def test_precision_is_reached_in_few_directions(precision: float, c: Floats) -> None:
     day = daylight(50.0, 130.0, 60_000.0, 20_000.0, "uniform")
-    made = predict(named("top"), day, distance_m=2.6, precision=0.01, gamma_deg=ARM_GAMMA_DEG, c_deg=ARM_C_DEG)
+    made = predict(named("top"), day, distance_m=2.6, precision=precision, gamma_deg=ARM_GAMMA_DEG, c_deg=c)
     seen = made.field("near")
     for part in ("sun", "sky"):
         candela, error = getattr(seen, part).candela, getattr(seen, f"{part}_uncertainty")
         bright = candela > 0.05 * candela.max()
-        assert np.sqrt(np.mean((error[bright] / candela[bright]) ** 2)) < 0.0115
+        assert np.sqrt(np.mean((error[bright] / candela[bright]) ** 2)) < 1.15 * precision
     assert made.facts["sun"]["rays"] > 100_000
 
 

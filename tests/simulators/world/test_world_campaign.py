@@ -12,7 +12,7 @@ from simulators.world.emulated import SUN_STEP_NS
 from simulators.world.sunpath import SunPath
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2])
+@pytest.fixture(scope="module", params=[0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def plan(request: pytest.FixtureRequest) -> tuple[PlannedTest, ...]:
     made = campaign(request.param)
     assert campaign(request.param) == made
