@@ -17,13 +17,15 @@ from analysis.explain.whitening import Whitener
 
 _WORLDS = 2000
 _PLACES = 2  # so many are told of a change that no place shows by itself
+_HALF, _DENSER = 0.5, 1.25  # a region that holds so much of a change's squares, and so many times its share of readings
 
 
 @dataclass(frozen=True)
 class Mismatch:
     """A region that stands out: by how much (the mean of the stretched, logarithmic, deviation), and how surely.
 
-    Where ``by`` is given, that says so, and the region alone does not.
+    Where ``by`` is given, that says so, and the region alone does not. Where ``holds`` is, the size is an rms: such a
+    share of all that is changed (in squares) lies here, upwards or downwards.
     """
 
     region: Region
@@ -31,6 +33,7 @@ class Mismatch:
     z: float
     p_value: float
     by: str = ""
+    holds: float = 0.0
 
     @property
     def share(self) -> float:
@@ -40,6 +43,9 @@ class Mismatch:
     @property
     def statement(self) -> str:
         """One sentence."""
+        if self.holds:
+            lies = f"{self.holds:.0%} of what {self.by} changes (in squares) lies {self.region.name}"
+            return f"{lies}: the recording differs from the simulation by {self.share:.1%} there (rms)."
         way = "above" if self.size > 0 else "below"
         told = f", as {self.by} has it" if self.by else ""
         return f"The recording is {abs(self.share):.1%} {way} the simulation {self.region.name}{told}."
@@ -112,6 +118,18 @@ class Scan:
             white = white - self.unit[:, k] * z[k]
             open_to[k] = False
         return found
+
+    def holding_half(self, change: Floats, p_value: float, by: str) -> list[Mismatch]:
+        """The smallest region that holds half of a ``change`` (N,), if one holds more of it than of the readings."""
+        squares = np.square(change) / max(float(np.sum(np.square(change))), 1e-30)
+        held = np.array([float(np.sum(squares[r.rows])) for r in self.regions])
+        shares = np.array([float(np.mean(r.rows)) for r in self.regions])
+        fit = np.flatnonzero((held >= _HALF) & (held > _DENSER * shares))
+        if not len(fit):
+            return []
+        k = fit[np.argmin(shares[fit])]
+        size = float(np.sqrt(np.mean(np.square(change[self.regions[k].rows]))))
+        return [Mismatch(self.regions[k], size, 0.0, p_value, by, float(held[k]))]
 
     def _means(self, values: Floats) -> Floats:
         return np.array([float(values[r.rows].mean()) for r in self.regions])

@@ -26,7 +26,7 @@ def places(scan: Scan, residual: Floats, fitter: Fitter, found: Conclusion) -> l
 
 
 def _told(scan: Scan, fitter: Fitter, found: Conclusion) -> list[Mismatch]:
-    """Where the names change most, or else what gains most without a name.
+    """Where the names change most and where half of that lies, or else what gains most without a name.
 
     Under no change, evidence for one is e^n with a probability of at most e^-n (Markov's inequality); of all that were
     tried, the sum of that is the p-value.
@@ -37,7 +37,12 @@ def _told(scan: Scan, fitter: Fitter, found: Conclusion) -> list[Mismatch]:
     h, gain, by = best if found.kept.ids else max([best, *structure], key=lambda row: row[1])
     tried = len(found.singles) + len(found.unnamed)
     p_value = min(1.0, tried * float(np.exp(-gain)))
-    return scan.changed(_change(fitter, h), p_value, by) if h is not None and by else []
+    if h is None or not by:
+        return []
+    change = _change(fitter, h)
+    most = scan.changed(change, p_value, by)
+    names = {m.region.name for m in most}
+    return most + [m for m in scan.holding_half(change, p_value, by) if m.region.name not in names]
 
 
 def _change(fitter: Fitter, h: Hypothesis) -> Floats:

@@ -45,13 +45,30 @@ def test_a_law_tells_the_place_that_no_region_shows(scan: Scan, fitter: Fitter) 
     found, change = _tilted(fitter, 40.0)
     assert scan.standing_out(0.2 * change) == []
     told = places(scan, 0.2 * change, fitter, found)
-    assert told
-    for place in told:
+    spots = [m for m in told if not m.holds]
+    assert spots
+    for place in spots:
         inside = place.region.rows
         assert place.size == pytest.approx(change[inside].mean())
         assert np.mean(change[inside] ** 2) > np.mean(change**2)
         assert place.statement.endswith("as tilted-axis has it.")
         assert place.p_value == pytest.approx(np.exp(-40.0))
+
+
+def test_a_change_that_goes_up_and_down_lies_where_half_of_it_does(arm: Scene, scan: Scan) -> None:
+    """A wave around three rings has no mean anywhere that is whole; an even change is nowhere more than elsewhere."""
+    r = arm.readings
+    rings = np.isin(np.round(r.gamma_deg), (45.0, 55.0, 65.0))
+    wave = 0.1 * np.cos(np.radians(2.0 * r.c_deg)) * np.where(rings, 1.0, 0.2)
+    (half,) = scan.holding_half(wave, 1e-9, "a wave")
+    assert "gamma" in half.region.name and "in all planes" in half.region.name
+    inside = half.region.rows
+    assert half.holds == pytest.approx(np.sum(wave[inside] ** 2) / np.sum(wave**2)) and half.holds > 0.5
+    smaller = [x for x in scan.regions if np.sum(wave[x.rows] ** 2) >= 0.5 * np.sum(wave**2)]
+    assert np.count_nonzero(inside) == min(np.count_nonzero(x.rows) for x in smaller) < 0.4 * len(r)
+    assert half.size == pytest.approx(np.sqrt(np.mean(wave[inside] ** 2)))
+    assert half.statement.startswith(f"{half.holds:.0%} of what a wave changes (in squares) lies from gamma")
+    assert scan.holding_half(np.full(len(r), 0.1), 1e-9, "a level") == []
 
 
 def test_what_tells_little_is_not_sure_of_the_place(scan: Scan, fitter: Fitter) -> None:
