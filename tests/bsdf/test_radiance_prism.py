@@ -31,6 +31,7 @@ def compare(
     return result
 
 
+@pytest.mark.slow  # the ordinary run meets the other engine in what the sheet absorbs
 def test_two_engines_agree() -> None:
     # Radiance's 500 rays a patch leave 10 % of the light in the wrong one of 41 x 41 patches and 4 % of a direction's
     # total (measured: 0.108 and 0.038; a quarter of it with sixteen times the rays, see the slow test)

@@ -1,5 +1,6 @@
 """The check in tests/conftest.py finds what it is there for."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -44,7 +45,8 @@ def test_what_tests_leave_behind_is_found(tmp_path: Path) -> None:
     shutil.copy(Path(__file__).parents[1] / "conftest.py", tmp_path)
     (tmp_path / "test_leaks.py").write_text(LEAKS)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    alone = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    done = subprocess.run(command, cwd=tmp_path, env=alone, capture_output=True, text=True, check=False)
     told = [line.split(" ")[1].rpartition("::")[2] for line in done.stdout.splitlines() if line.startswith("ERROR ")]
     assert told == ["test_task", "test_socket", "test_terminal", "test_file", "test_loop"]
     assert "7 passed, 5 errors" in done.stdout

@@ -10,28 +10,18 @@ import pytest
 
 from analysis.explain import look, tracing
 from analysis.explain.found_lenses import FoundLens, FoundLenses, lenses_of, told
-from analysis.explain.likeness import likened
-from analysis.explain.look import Likened, Predicted
+from analysis.explain.look import Likened
 from analysis.explain.resimulate import OwnSimulation, simulator_of
 from analysis.explain.trace_settings import any_pattern
 from analysis.simulate.system import SYSTEMS
 from tests.analysis.explain.campaign import TESTS, make_case
-from tests.analysis.explain.test_shift_lens import DAYS, SKEWED, predicted, system_with
+from tests.analysis.explain.test_shift_lens import SKEWED, system_with
 
 BOX = "box"
 
 
 def through_json(lenses: dict[str, Likened]) -> FoundLenses:
     return lenses_of(json.loads(json.dumps(told(lenses))))
-
-
-@pytest.mark.timeout(300)  # where nothing is compiled yet, that takes most of it
-def test_what_is_found_of_a_prediction_can_be_told() -> None:
-    """Whatever comes out of numbers of arrays is JSON's, too."""
-    seen = predicted(system_with("top", SKEWED))
-    found = likened({"it": SYSTEMS["top"]}, {"it": Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")})
-    back = through_json(found).of({"it": SYSTEMS["top"]})["it"]
-    assert back.system.entry.kind == "shift" and (back.alike, back.even) == (found["it"].alike, found["it"].even)
 
 
 @pytest.mark.parametrize("kind", ["top", "box", "tube"])

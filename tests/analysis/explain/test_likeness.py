@@ -175,6 +175,7 @@ def test_the_prisms_of_another_engine_are_found() -> None:
     assert found.entry.slope_deg == 33.75 and not found.entry.isotropic
 
 
+@pytest.mark.slow  # another engine's prisms are found in the ordinary run as well
 def test_a_pattern_turned_in_another_engine_is_turned() -> None:
     found = like(SYSTEMS["tube"], predicted_by_another(hidden.tube().turned(30.0)))
     assert found.exit.prisms == "up"

@@ -35,8 +35,9 @@ def test_haze_takes_no_light(share: float, seed: int, lenses: int, bright: float
 def test_light_of_one_lens_adds(share: float, seed: int) -> None:
     base, whole = light(seed), light(seed + 1)
     scattered = partly(base, [whole], 1.0)
-    assert scattered == pytest.approx(whole * flux(base) / flux(whole))
-    assert partly(base, [whole], share) == pytest.approx((1.0 - share) * base + share * scattered)
+    np.testing.assert_allclose(scattered, whole * flux(base) / flux(whole), rtol=1e-6, atol=1e-12)
+    mixed = (1.0 - share) * base + share * scattered
+    np.testing.assert_allclose(partly(base, [whole], share), mixed, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "places"), [("top", ["entry"]), ("box", ["entry", "exit"]), ("tube", ["exit"])])

@@ -1,5 +1,6 @@
 """A prediction's lens as a density of shifts, where no prisms of one shape look like it."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -12,8 +13,9 @@ from analysis.cases.model import Floats
 from analysis.explain import likeness
 from analysis.explain.densities import densities
 from analysis.explain.fields import C_DEG, GAMMA_DEG
+from analysis.explain.found_lenses import lenses_of, told
 from analysis.explain.likeness import likened
-from analysis.explain.look import Look, Predicted, look_at
+from analysis.explain.look import Likened, Look, Predicted, look_at
 from analysis.explain.shift_lens import patternless, shift_lens
 from analysis.explain.trace_settings import (
     ANY_TURNS_DEG,
@@ -69,9 +71,14 @@ def shown(kind: str, seen: Floats) -> Look:
     return found
 
 
+def whole_likeness(kind: str, seen: Floats) -> dict[str, Likened]:
+    """The skylight, likened to the prediction, and what was found of that."""
+    return likened({"it": SYSTEMS[kind]}, {"it": Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")})
+
+
 def like(kind: str, seen: Floats) -> System:
     """The skylight, likened to the prediction."""
-    return likened({"it": SYSTEMS[kind]}, {"it": Predicted(DAYS, seen, np.zeros_like(seen), 2.6, "far")})["it"].system
+    return whole_likeness(kind, seen)["it"].system
 
 
 @cache
@@ -107,21 +114,31 @@ def turn(system: System) -> Floats:
 
 
 @cache
-def told_turn() -> tuple[System, float]:
-    """A top with unequal lobes, likened, and how the change by a turn of it correlates with the true one."""
-    made = system_with("top", SKEWED)
-    told = like("top", predicted(made))
-    return told, float(np.corrcoef(turn(told).ravel(), turn(made).ravel())[0, 1])
+def likened_top() -> dict[str, Likened]:
+    """A top with unequal lobes, likened; three tests ask for it."""
+    return whole_likeness("top", predicted(system_with("top", SKEWED)))
+
+
+def by_its_density() -> float:
+    """How the change by a turn of it correlates with the true one."""
+    told, made = likened_top()["it"].system, system_with("top", SKEWED)
+    return float(np.corrcoef(turn(told).ravel(), turn(made).ravel())[0, 1])
 
 
 def test_a_turn_of_unequal_lobes_is_told_by_the_density() -> None:
-    told, by_density = told_turn()
-    assert any_pattern(told) and by_density > 0.6
+    assert any_pattern(likened_top()["it"].system) and by_its_density() > 0.6
 
 
+def test_what_is_found_of_a_prediction_can_be_told() -> None:
+    """Whatever comes out of numbers of arrays is JSON's, too."""
+    found = likened_top()
+    back = lenses_of(json.loads(json.dumps(told(found)))).of({"it": SYSTEMS["top"]})["it"]
+    assert back.system.entry.kind == "shift" and (back.alike, back.even) == (found["it"].alike, found["it"].even)
+
+
+@pytest.mark.slow
 def test_a_turn_of_unequal_lobes_is_not_told_by_prisms(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, by_density = told_turn()
-    made = system_with("top", SKEWED)
+    by_density, made = by_its_density(), system_with("top", SKEWED)
     monkeypatch.setattr(likeness, "_shifted", lambda *_: {})
     prisms = like("top", predicted(made))
     assert not any_pattern(prisms)

@@ -236,7 +236,7 @@ def test_worth_and_time_tell_where_a_pixel_came_from(tmp_path: Path) -> None:
 
 
 @given(order=st.permutations(range(6)))
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_order_of_the_files_does_not_matter(order: list[int], bracket: tuple[list[Path], np.ndarray]) -> None:
     chosen = bracket[0][3:9]
     times = LADDER[3:9]

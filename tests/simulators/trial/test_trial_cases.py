@@ -36,8 +36,8 @@ def shelf(tmp_path_factory: pytest.TempPathFactory) -> Shelf:
 
 
 def _some_slow(causes: Iterable[str]) -> list[Any]:
-    """Four of five causes are left to the slow proofs."""
-    return [pytest.param(cause, marks=pytest.mark.slow) if k % 5 else cause for k, cause in enumerate(causes)]
+    """Six of seven causes are left to the slow proofs."""
+    return [pytest.param(cause, marks=pytest.mark.slow) if k % 7 else cause for k, cause in enumerate(causes)]
 
 
 def _order(kind: str, *causes: str, seed: int = 1, wanted: float = 0.03, withhold: bool = False) -> Order:
