@@ -12,14 +12,18 @@ from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.families import SCAN_ORDER, unnamed_wanders
 from analysis.explain.fit import Extra, Fit, posterior_covariance, without
 from analysis.explain.further import grow, name_two_together, wandering_beside
-from analysis.explain.heldout import HeldOut, deviations, held_out, rms
+from analysis.explain.heldout import HeldOut, held_out
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import Stage, predict
 from analysis.explain.mechanisms.sensors import Nonlinearity, Saturation
 from analysis.explain.repeats import repeats
 from analysis.explain.search import Search
 from analysis.explain.shift_pattern import has_pattern
-from analysis.explain.thresholds import AS_FAR, LIKE_THE_BEST, TEMPER, TEMPER_ONE
+from analysis.explain.thresholds import (
+    LIKE_THE_BEST,
+    TEMPER,
+    TEMPER_ONE,
+)
 from analysis.explain.told_form import ends_softly
 from analysis.explain.told_pattern import with_its_pattern
 from analysis.explain.verdict import decide, first_of, name_the_sure, no_better, share_with_doubles
@@ -92,21 +96,18 @@ def _only_the_sure(search: Search, found: Conclusion) -> Conclusion:
 
 
 def _what_others_bear_out(search: Search, found: Conclusion) -> None:
-    """Withdraw names by which left-out tests are predicted no better; the first alone stays if it does better.
+    """Withdraw names by which tests that are left out are predicted no better; the first alone stays if it does better.
 
-    So are names that leave fitted readings as far off as they were. (Of other authors' names below skylights five sets
-    were of the one kind, one of the other, each with a wrong one.)
+    (Of other authors' names below skylights five sets were so, each with a wrong one.)
     """
     found.outside = _left_out(search, found.kept)
-    if found.one_instrument or found.kept is found.nothing:
-        return
-    if not (no_better(found.outside) or _as_far_off(search, found.kept)):
+    if found.one_instrument or found.kept is found.nothing or not no_better(found.outside):
         return
     first = found.best.first
     alone = next((h for h in found.singles if h.ids == (first,) != found.best.ids and h.fit.ids), None)
     outside = None if alone is None else _left_out(search, alone)
     found.trail.append("tests that are left out are predicted no better")
-    if alone is None or outside is None or no_better(outside) or _as_far_off(search, alone):
+    if alone is None or outside is None or no_better(outside):
         found.verdict = "unexplained"
         found.outside = _left_out(search, found.nothing)
         return
@@ -114,13 +115,6 @@ def _what_others_bear_out(search: Search, found: Conclusion) -> None:
     found.probability = {first: found.probability[first]}
     found.indistinguishable = [pair for pair in found.indistinguishable if first in pair]
     _look_for_unnamed(search, found)
-
-
-def _as_far_off(search: Search, h: Hypothesis) -> bool:
-    """Whether what a set changes leaves the fitted readings as far off as they were; random effects change none."""
-    r = search.scene.readings
-    model = predict(search.scene, h.fit.terms, h.fit.theta)
-    return bool(h.fit.terms) and rms(deviations(r, model)) > AS_FAR * rms(deviations(r, r.simulated))
 
 
 def _left_out(search: Search, h: Hypothesis) -> HeldOut | None:

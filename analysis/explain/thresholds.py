@@ -250,10 +250,6 @@ WORSE, HALF_WORSE, AS_BADLY = 1.01, 0.5, 0.95
 together err by more than that share of what they did, what was found says nothing of other tests. (So were five wrong
 sets of names on skylights by nineteen other authors, and none of 183 right ones; three right ones made half of the
 tests worse, and all together better by an eighth and more. On roofs one of 45 right ones was so.)"""
-AS_FAR = 0.97
-"""What leaves the fitted readings off by more than this share of what they were explains nothing. (So did a wall that
-scatters where a clock was wrong, with 130 nats; of 88 other sets below skylights by eight authors the one that changed
-least left .947, right by dirt; the next .923.)"""
 LEVEL_ALONE = 0.06
 """On a roof a recording whose middle reading is off by more than this share agrees with nothing. (Second instruments
 and models of the sky that four other authors made differed by less, one meter 8 % off had been called an agreement.)"""

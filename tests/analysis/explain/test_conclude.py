@@ -15,7 +15,7 @@ from analysis.explain.fit import Fitter
 from analysis.explain.further import Beside, grow, wandering_beside
 from analysis.explain.heldout import HeldOut
 from analysis.explain.hypothesis import Hypothesis
-from analysis.explain.mechanisms.base import Branch, Term, predict
+from analysis.explain.mechanisms.base import Branch, Term
 from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.parameter import Parameter
@@ -298,18 +298,3 @@ def test_names_that_left_out_tests_do_not_bear_out_are_withdrawn(
             assert (found.best, found.verdict, found.probability) == (alone, "partly-explained", {"dark-offset": 0.9})
         else:
             assert (found.verdict, found.outside) == ("unexplained", better)
-
-
-def test_a_name_that_leaves_readings_as_far_off_is_withdrawn(arm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However much evidence it has; a cloud, which changes no reading, is not asked for that."""
-    (term,) = terms_of(BY_ID["gamma-offset"], arm)
-    right = predict(arm, (term,), np.array([2.0]))
-    search = Search(Fitter(Scene(replace(arm.readings, measured=right), arm.retraced)), mechanisms=[], conjectures=())
-    monkeypatch.setattr(conclusions, "_left_out", lambda *_: _outside(0.9, 0.9))
-    name = hypothesis(arm, 130.0, "gamma-offset")
-    cloud = replace(hypothesis(arm, 130.0), wanders=(Wandering(CLOUD, 0.05, 25.0),))
-    for h, offset, verdict in ((name, 2.0, "explained"), (name, 0.02, "unexplained"), (cloud, 0.0, "explained")):
-        h.fit.theta = np.array([offset]) if h.fit.terms else np.zeros(0)
-        found = Conclusion(h, hypothesis(arm, 0.0), [h], verdict="explained")
-        conclusions._what_others_bear_out(search, found)
-        assert found.verdict == verdict
