@@ -30,10 +30,9 @@ def set_up() -> Path:
         sys.exit("this Python cannot make virtual environments; on Debian: apt install python3-venv")
     subprocess.run([programs / "pip", "install", "--quiet", "--no-compile", "--editable", f"{HOME}[dev]"], check=True)
     # on all cores, as pip would not, and without the packages' own tests; some bring files that no Python 3 can read
-    libraries = VENV.glob("lib/python3*/site-packages")
-    subprocess.run(
-        [programs / "python", "-m", "compileall", "-qq", "-j", "0", "-x", "/tests/", *libraries], check=False
-    )
+    for libraries in VENV.glob("lib/python3*/site-packages"):
+        options = ["-qq", "-j", "0", "-x", "site-packages/.*/tests/"]
+        subprocess.run([programs / "python", "-m", "compileall", *options, libraries], check=False)
     stamp.write_text(recipe)
     return programs
 

@@ -162,12 +162,13 @@ def _systems_changed(scene: Scene, term: Term, theta: Floats) -> list[str]:
 
 
 def _place(m: Mismatch) -> dict[str, Any]:
-    return {
+    told = {
         "where": m.region.where,
         "size_percent": _round(100 * m.share),
         "p_value": float(f"{m.p_value:.2g}"),
         "statement": m.statement,
     }
+    return told | ({"holds": _round(m.holds), "rms_percent": _round(100 * m.rms)} if m.holds else {})
 
 
 def _unnamed(u: Unnamed) -> dict[str, Any]:

@@ -108,7 +108,7 @@ def _what_others_bear_out(search: Search, found: Conclusion) -> None:
     outside = None if alone is None else _left_out(search, alone)
     found.trail.append("tests that are left out are predicted no better")
     if alone is None or outside is None or no_better(outside):
-        found.verdict = "unexplained"
+        found.verdict, found.withdrawn = "unexplained", True
         found.outside = _left_out(search, found.nothing)
         return
     found.best, found.verdict, found.outside = alone, "partly-explained", outside

@@ -98,6 +98,8 @@ class Conclusion:
         Random effects that repeated readings speak against (and how), and those that they show by themselves.
     outside
         How tests that were left out are predicted by what is kept.
+    withdrawn
+        Whether the best set was withdrawn for what it says of them.
     """
 
     best: Hypothesis
@@ -125,6 +127,7 @@ class Conclusion:
     contradicted: dict[str, str] = field(default_factory=dict)
     shown: set[str] = field(default_factory=set)
     outside: HeldOut | None = None
+    withdrawn: bool = False
 
     @property
     def kept(self) -> Hypothesis:

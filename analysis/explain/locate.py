@@ -17,15 +17,16 @@ from analysis.explain.whitening import Whitener
 
 _WORLDS = 2000
 _PLACES = 2  # so many are told of a change that no place shows by itself
-_HALF, _DENSER = 0.5, 1.25  # a region that holds so much of a change's squares, and so many times its share of readings
+_HALF, _DENSER = 0.5, 1.25
+"""Half of a change lies in a region of half of the readings at most, if that holds so many times its share of it."""
 
 
 @dataclass(frozen=True)
 class Mismatch:
     """A region that stands out: by how much (the mean of the stretched, logarithmic, deviation), and how surely.
 
-    Where ``by`` is given, that says so, and the region alone does not. Where ``holds`` is, the size is an rms: such a
-    share of all that is changed (in squares) lies here, upwards or downwards.
+    Where ``by`` is given, that says so, and the region alone does not. Where ``holds`` is, such a share of all that it
+    changes (in squares) lies here, upwards or downwards: by ``rms``, which may be far more than the mean.
     """
 
     region: Region
@@ -34,6 +35,7 @@ class Mismatch:
     p_value: float
     by: str = ""
     holds: float = 0.0
+    rms: float = 0.0
 
     @property
     def share(self) -> float:
@@ -44,8 +46,8 @@ class Mismatch:
     def statement(self) -> str:
         """One sentence."""
         if self.holds:
-            lies = f"{self.holds:.0%} of what {self.by} changes (in squares) lies {self.region.name}"
-            return f"{lies}: the recording differs from the simulation by {self.share:.1%} there (rms)."
+            lies = f"Of what {self.by} changes, {self.holds:.0%} (in squares) lies {self.region.name}"
+            return f"{lies}; there it changes the simulation by {self.rms:.1%} (rms)."
         way = "above" if self.size > 0 else "below"
         told = f", as {self.by} has it" if self.by else ""
         return f"The recording is {abs(self.share):.1%} {way} the simulation {self.region.name}{told}."
@@ -94,7 +96,7 @@ class Scan:
             z = np.where(open_to, self.unit.T @ white, 0.0)
             k = int(np.argmax(np.abs(z)))
             p = _p_value(abs(float(z[k])), self.highest)
-            if p > level:
+            if p > level or z[k] == 0.0:  # nothing is left
                 break
             if z[k] * means[k] > 0.0:
                 found.append(Mismatch(self.regions[k], float(means[k]), float(z[k]), p))
@@ -113,6 +115,8 @@ class Scan:
         while len(found) < _PLACES and np.any(open_to):
             z = np.where(open_to, self.unit.T @ white, 0.0)
             k = int(np.argmax(np.abs(z)))
+            if z[k] == 0.0:
+                break
             if z[k] * means[k] > 0.0:
                 found.append(Mismatch(self.regions[k], float(means[k]), float(z[k]), p_value, by))
             white = white - self.unit[:, k] * z[k]
@@ -120,16 +124,17 @@ class Scan:
         return found
 
     def holding_half(self, change: Floats, p_value: float, by: str) -> list[Mismatch]:
-        """The smallest region that holds half of a ``change`` (N,), if one holds more of it than of the readings."""
+        """The smallest region that holds half of a ``change`` (N,), if one of half of the readings does."""
         squares = np.square(change) / max(float(np.sum(np.square(change))), 1e-30)
         held = np.array([float(np.sum(squares[r.rows])) for r in self.regions])
         shares = np.array([float(np.mean(r.rows)) for r in self.regions])
-        fit = np.flatnonzero((held >= _HALF) & (held > _DENSER * shares))
+        fit = np.flatnonzero((held >= _HALF) & (held > _DENSER * shares) & (shares <= _HALF))
         if not len(fit):
             return []
         k = fit[np.argmin(shares[fit])]
-        size = float(np.sqrt(np.mean(np.square(change[self.regions[k].rows]))))
-        return [Mismatch(self.regions[k], size, 0.0, p_value, by, float(held[k]))]
+        here = change[self.regions[k].rows]
+        rms = float(np.sqrt(np.mean(np.square(here))))
+        return [Mismatch(self.regions[k], float(np.mean(here)), 0.0, p_value, by, float(held[k]), rms)]
 
     def _means(self, values: Floats) -> Floats:
         return np.array([float(values[r.rows].mean()) for r in self.regions])

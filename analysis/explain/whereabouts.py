@@ -34,7 +34,10 @@ def _told(scan: Scan, fitter: Fitter, found: Conclusion) -> list[Mismatch]:
     gaining = [u for u in found.unnamed_told if u.weighed is not None and u.gain > 0.0]
     structure = [(u.weighed, u.gain, u.along if u.conjecture else f"some function of {u.along}") for u in gaining]
     best = (found.best, found.best.evidence - found.nothing.evidence, " and ".join(found.best.ids))
-    h, gain, by = best if found.kept.ids else max([best, *structure], key=lambda row: row[1])
+    claims = [] if found.withdrawn else [best]
+    h, gain, by = (
+        best if found.kept.ids else max([*claims, *structure], key=lambda row: row[1], default=(None, 0.0, ""))
+    )
     tried = len(found.singles) + len(found.unnamed)
     p_value = min(1.0, tried * float(np.exp(-gain)))
     if h is None or not by:

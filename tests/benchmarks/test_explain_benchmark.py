@@ -113,7 +113,6 @@ def test_a_peer_names_a_strong_effect_where_its_assumptions_hold(
     assert shape(method.elsewhere(turned)[rows]) < 0.5 * shape(before)
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_labdaq_answers_as_its_peers_do(bench: ModuleType, turned: Case) -> None:
     import explain_labdaq

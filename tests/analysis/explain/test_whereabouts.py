@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.explain import whereabouts
 from analysis.explain.conclusion import Conclusion, Unnamed
 from analysis.explain.fit import MIDDLE, Fitter
 from analysis.explain.hypothesis import Hypothesis
@@ -66,9 +67,31 @@ def test_a_change_that_goes_up_and_down_lies_where_half_of_it_does(arm: Scene, s
     assert half.holds == pytest.approx(np.sum(wave[inside] ** 2) / np.sum(wave**2)) and half.holds > 0.5
     smaller = [x for x in scan.regions if np.sum(wave[x.rows] ** 2) >= 0.5 * np.sum(wave**2)]
     assert np.count_nonzero(inside) == min(np.count_nonzero(x.rows) for x in smaller) < 0.4 * len(r)
-    assert half.size == pytest.approx(np.sqrt(np.mean(wave[inside] ** 2)))
-    assert half.statement.startswith(f"{half.holds:.0%} of what a wave changes (in squares) lies from gamma")
+    assert half.size == pytest.approx(wave[inside].mean()) and half.rms == pytest.approx(np.std(wave[inside]), rel=0.01)
+    assert half.statement.startswith(f"Of what a wave changes, {half.holds:.0%} (in squares) lies from gamma")
     assert scan.holding_half(np.full(len(r), 0.1), 1e-9, "a level") == []
+
+
+def test_the_half_is_told_beside_the_spots_and_no_place_twice(
+    scan: Scan, fitter: Fitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, change = _tilted(fitter, 40.0)
+    rings = np.where(np.abs(fitter.scene.readings.gamma_deg - 55.0) < 16.0, 1.0, 0.1)
+    monkeypatch.setattr(whereabouts, "_change", lambda *_: rings * change)
+    told = places(scan, 0.0 * change, fitter, found)
+    (half,) = [m for m in told if m.holds]
+    assert half.by == "tilted-axis" and half.p_value == pytest.approx(np.exp(-40.0))
+    assert len({m.region.name for m in told}) == len(told) > 1
+
+
+def test_names_that_were_withdrawn_tell_no_place(scan: Scan, fitter: Fitter) -> None:
+    found, change = _tilted(fitter, 0.0)
+    law = found.unnamed[0].weighed
+    assert law is not None
+    found.best, found.unnamed = replace(law, evidence=130.0), []
+    assert any(m.by for m in places(scan, 0.0 * change, fitter, found))
+    found.withdrawn = True
+    assert not any(m.by for m in places(scan, 0.0 * change, fitter, found))
 
 
 def test_what_tells_little_is_not_sure_of_the_place(scan: Scan, fitter: Fitter) -> None:

@@ -73,7 +73,10 @@ def test_it_is_kept_and_read_again(
 ) -> None:
     """What is kept is traced, or (in less time) the other tests' matrix with a gain for each seed."""
 
+    seeds = []
+
     def made(_: System, __: int, ___: int, settings: Settings, *____: object) -> dict[str, NDArray[Any]]:
+        seeds.append(settings.seed)
         arrays = {name: getattr(matrix, name) for name in ("near", "error", "flux", "flux_error", "nadir_error")}
         return arrays | {"far": settings.seed * matrix.far}
 
@@ -89,3 +92,4 @@ def test_it_is_kept_and_read_again(
     kept[0].write_bytes(b"broken")  # a cache that cannot be read costs time, never the result
     assert np.array_equal(skylight_matrix(open_box, rays_per_patch=100, threads=1).far, first.far)
     assert not np.array_equal(skylight_matrix(open_box, rays_per_patch=100, seed=2, threads=1).far, first.far)
+    assert traced or seeds == [1, 1, 2]  # the second time it was read
