@@ -43,6 +43,7 @@ class World:
     value: float
     allowed: float = 0.0  # what the form or the grid errs by, beyond the stated uncertainty
     falls: float = 0.6  # held-out error after over before, at most
+    neutral: float = 0.0  # the value that changes nothing
 
 
 # Gamma: fields are read linearly between 2.5° steps; where the invented light falls as the 2.5th power of the angle to
@@ -56,7 +57,7 @@ WORLDS = {
     "darks": World(effects.offsets(effects.OFFSETS), "dark-offset", "offset_gonio.g45", 35.0, allowed=5.0),
     "split": World(effects.beam(0.4), "sky-sun-ratio", "beam_change", 0.4),
     "gain": World(effects.gain(45.0, 0.10), "channel-gain", "error", 0.10, falls=0.8),
-    "power": World(effects.power(0.05), "nonlinearity", "exponent", 1.05),
+    "power": World(effects.power(0.05), "nonlinearity", "exponent", 1.05, neutral=1.0),
     "leak": World(
         effects.leak(12.0), "stray-light", "illuminance_lx", 12.0 * np.mean([t.global_lx for t in TESTS]) / 1e5
     ),
@@ -90,8 +91,9 @@ def test_a_single_effect_is_named_and_sized_and_helps_elsewhere(name: str, tmp_p
     assert world.mechanism in first.get("ids", [first.get("id")])
     found = first["parameters"][world.parameter]
     assert abs(found["value"] - world.value) < 1.96 * found["uncertainty"] + world.allowed
-    assert abs(found["value"] - world.value) < 0.12 * abs(world.value) + world.allowed, "the form is exact here"
-    assert found["uncertainty"] > 0.1 * abs(world.value), "forms are not known to be exact"
+    size = abs(world.value - world.neutral)
+    assert abs(found["value"] - world.value) < 0.12 * size + world.allowed, "the form is exact here"
+    assert found["uncertainty"] > 0.1 * size, "forms are not known to be exact"
 
     held = content["fit"]["held_out"]
     assert held["after"]["rms_percent"] < world.falls * held["before"]["rms_percent"]
