@@ -5,6 +5,7 @@ levels) is a matched filter on the whitened residual. Its significance counts th
 p-value is the share of pure-noise worlds whose largest filter output anywhere exceeds it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from analysis.explain.whitening import Whitener
 _WORLDS = 2000
 _PLACES = 2  # so many are told of a change that no place shows by itself
 _HALF, _DENSER = 0.5, 1.25
-"""Half of a change lies in a region of half of the readings at most, if that holds so many times its share of it."""
+"""Half of a change is told to lie in half of the readings at most, which hold so many times their share of it."""
 
 
 @dataclass(frozen=True)
@@ -88,20 +89,14 @@ class Scan:
         ``residual`` (N,) is reading minus model on the stretched scale. Sizes are means over the region; one whose
         filter says the opposite of its mean is a shadow of another and is not told.
         """
-        white = self.whitener.whitened(residual[:, None])[:, 0]
         means = self._means(residual)
-        open_to = np.ones(len(self.regions), dtype=bool)
         found: list[Mismatch] = []
-        while len(found) < at_most and np.any(open_to):
-            z = np.where(open_to, self.unit.T @ white, 0.0)
-            k = int(np.argmax(np.abs(z)))
-            p = _p_value(abs(float(z[k])), self.highest)
-            if p > level or z[k] == 0.0:  # nothing is left
+        for k, z in self._strongest_first(residual, np.ones(len(self.regions), dtype=bool)):
+            p = _p_value(abs(z), self.highest)
+            if p > level or len(found) == at_most:
                 break
-            if z[k] * means[k] > 0.0:
-                found.append(Mismatch(self.regions[k], float(means[k]), float(z[k]), p))
-            white = white - self.unit[:, k] * z[k]
-            open_to[k] = False
+            if z * means[k] > 0.0:
+                found.append(Mismatch(self.regions[k], float(means[k]), z, p))
         return found
 
     def changed(self, change: Floats, p_value: float, by: str) -> list[Mismatch]:
@@ -109,19 +104,26 @@ class Scan:
 
         For a mismatch that no region shows by itself: what a law gains over all readings may be spread thinly.
         """
-        white, means = self.whitener.whitened(change[:, None])[:, 0], self._means(change)
-        open_to: NDArray[np.bool_] = means != 0.0
+        means = self._means(change)
         found: list[Mismatch] = []
-        while len(found) < _PLACES and np.any(open_to):
+        for k, z in self._strongest_first(change, means != 0.0):
+            if len(found) == _PLACES:
+                break
+            if z * means[k] > 0.0:
+                found.append(Mismatch(self.regions[k], float(means[k]), z, p_value, by))
+        return found
+
+    def _strongest_first(self, values: Floats, among: NDArray[np.bool_]) -> Iterator[tuple[int, float]]:
+        """Regions and their filters' output; what one explains is taken off before the next, until nothing is left."""
+        white, open_to = self.whitener.whitened(values[:, None])[:, 0], among.copy()
+        while np.any(open_to):
             z = np.where(open_to, self.unit.T @ white, 0.0)
             k = int(np.argmax(np.abs(z)))
             if z[k] == 0.0:
-                break
-            if z[k] * means[k] > 0.0:
-                found.append(Mismatch(self.regions[k], float(means[k]), float(z[k]), p_value, by))
+                return
+            yield k, float(z[k])
             white = white - self.unit[:, k] * z[k]
             open_to[k] = False
-        return found
 
     def holding_half(self, change: Floats, p_value: float, by: str) -> list[Mismatch]:
         """The smallest region that holds half of a ``change`` (N,), if one of half of the readings does."""

@@ -31,16 +31,19 @@ def _told(scan: Scan, fitter: Fitter, found: Conclusion) -> list[Mismatch]:
     Under no change, evidence for one is e^n with a probability of at most e^-n (Markov's inequality); of all that were
     tried, the sum of that is the p-value.
     """
-    gaining = [u for u in found.unnamed_told if u.weighed is not None and u.gain > 0.0]
-    structure = [(u.weighed, u.gain, u.along if u.conjecture else f"some function of {u.along}") for u in gaining]
+    structure = [
+        (u.weighed, u.gain, u.along if u.conjecture else f"some function of {u.along}")
+        for u in found.unnamed_told
+        if u.weighed is not None and u.gain > 0.0
+    ]
     best = (found.best, found.best.evidence - found.nothing.evidence, " and ".join(found.best.ids))
-    claims = [] if found.withdrawn else [best]
-    h, gain, by = (
-        best if found.kept.ids else max([*claims, *structure], key=lambda row: row[1], default=(None, 0.0, ""))
-    )
+    if not found.kept.ids:  # nothing is named: what gains most, but nothing that was withdrawn
+        claims = [] if found.withdrawn else [best]
+        best = max([*claims, *structure], key=lambda row: row[1], default=(found.nothing, 0.0, ""))
+    h, gain, by = best
     tried = len(found.singles) + len(found.unnamed)
     p_value = min(1.0, tried * float(np.exp(-gain)))
-    if h is None or not by:
+    if not by:
         return []
     change = _change(fitter, h)
     most = scan.changed(change, p_value, by)

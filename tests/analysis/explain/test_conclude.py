@@ -298,3 +298,4 @@ def test_names_that_left_out_tests_do_not_bear_out_are_withdrawn(
             assert (found.best, found.verdict, found.probability) == (alone, "partly-explained", {"dark-offset": 0.9})
         else:
             assert (found.verdict, found.outside) == ("unexplained", better)
+        assert found.withdrawn == (not one_instrument and not first_holds)
