@@ -8,7 +8,7 @@ import pytest
 from analysis.explain.alone import QUIET, quieted
 from analysis.explain.conclude import conclude
 from analysis.explain.fit import Fitter
-from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.readings import Readings
 from analysis.explain.scene import Scene
 from analysis.explain.search import Search
@@ -35,7 +35,7 @@ def search_of(folder: Path, truth: Truth) -> Search:
 
 def gain(scene: Scene, name: str) -> float:
     """Nats that one mechanism brings; the others are not asked."""
-    search = Search(Fitter(scene), [m for m in CATALOGUE if m.id == name], [])
+    search = Search(Fitter(scene), [BY_ID[name]], [])
     nothing = search.nothing().evidence
     return next(h.evidence for h in search.singles() if h.ids == (name,)) - nothing
 

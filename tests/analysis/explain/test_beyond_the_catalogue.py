@@ -18,7 +18,7 @@ from analysis.explain.heldout import deviations, rms
 from analysis.explain.hypers import Hyper
 from analysis.explain.hypothesis import Hypothesis
 from analysis.explain.mechanisms.base import predict
-from analysis.explain.mechanisms.catalogue import CATALOGUE
+from analysis.explain.mechanisms.catalogue import BY_ID
 from analysis.explain.mechanisms.conjectures import CONJECTURES
 from analysis.explain.mechanisms.states import terms_of
 from analysis.explain.mismatch import Explanation, explain
@@ -259,8 +259,7 @@ def test_a_room_found_is_the_room_simulated(tmp_path: Path) -> None:
 
 def test_nothing_to_simulate_again(arm: Scene) -> None:
     """A sensor that reads 10 % too much is no part of a simulation."""
-    law = next(m for m in CATALOGUE if m.id == "channel-gain")
-    for term in terms_of(law, arm):
+    for term in terms_of(BY_ID["channel-gain"], arm):
         assert simulated_again(arm, (term,), np.array([0.1])) is None
 
 

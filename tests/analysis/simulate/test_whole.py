@@ -41,8 +41,9 @@ def quarters(system: System, day: Daylight, engine: str = "tracer") -> tuple[flo
     """Flux [lm], and its shares in the four quarters of C."""
     gamma, c = np.arange(5.0, 90.0, 10.0), np.arange(5.0, 360.0, 10.0)
     grid = np.concatenate([c, [365.0]]) - 5.0
-    how = {"precision": 0.02} if engine == "radiance" else {"rays": 400_000}  # 360 directions are summed
-    made = predict(system, day, gamma_deg=np.append(gamma, 90.0), c_deg=grid, engine=engine, threads=1, **how)  # type: ignore[arg-type]
+    # the tracer goes by its rays, Radiance by the precision in each of 324 directions that are summed
+    around = {"gamma_deg": np.append(gamma, 90.0), "c_deg": grid}
+    made = predict(system, day, engine=engine, precision=0.02, rays=400_000, threads=1, **around)
     candela = made.field("far").sky.candela[:-1, :-1] * np.sin(np.radians(gamma))
     flux = candela.sum() * np.radians(10.0) ** 2
     return float(flux), candela.reshape(4, 9, -1).sum(axis=(1, 2)) / candela.sum()
